@@ -1,0 +1,85 @@
+//! How records flow: CSV and MCAP with ROS 2 messages, sniffed on input, chosen on output; the
+//! flush rule, the side inputs, the exit statuses.
+//!
+//! The only place that knows what `-` is, which encoding a stream has and when it is flushed. A
+//! tool gives [`filter`], [`source`] or [`read_all`] a closure and gets this behaviour with it:
+//!
+//! - A record goes out as soon as it is complete when the input is live: before a read that may
+//!   block, everything written is flushed. While input is waiting, output is batched.
+//! - A consumer that left (a closed pipe) ends a tool quietly with status 0.
+//! - `-o NAME` writes `NAME.partial` and renames it at the end.
+
+use crate::record::{Record, Stamp};
+use std::path::PathBuf;
+
+/// The two encodings of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// RFC 4180 with a header row; one kind of record.
+    Csv,
+    /// MCAP, profile ros2, CDR messages; all kinds of records together.
+    Mcap,
+}
+
+/// A window of time that records must lie in.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Window {
+    /// First instant, or seconds after the stream's first record.
+    pub from: Option<Instant>,
+    /// Last instant, or seconds after the stream's first record.
+    pub to: Option<Instant>,
+}
+
+/// One end of a [`Window`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Instant {
+    /// Nanoseconds since the epoch.
+    At(Stamp),
+    /// Seconds after the stream's first record (`+10s`).
+    After(f64),
+}
+
+/// What every tool's common options say about its streams.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The tool's name, for messages and provenance.
+    pub tool: &'static str,
+    /// `-o`: the output file; none is stdout.
+    pub output: Option<PathBuf>,
+    /// `--format`: encoding of the output; none is the input's, or CSV for a source.
+    pub format: Option<Encoding>,
+    /// `--input-format`: encoding of the input; none is sniffed.
+    pub input_format: Option<Encoding>,
+    /// `--skip-bad`: count and skip bad records.
+    pub skip_bad: bool,
+    /// `--from`, `--to`.
+    pub window: Window,
+    /// `-q`.
+    pub quiet: bool,
+    /// `-v`, counted.
+    pub verbose: u8,
+    /// Seed of a simulation, for the provenance record.
+    pub seed: Option<u64>,
+    /// Configuration text (the frame file), for the provenance record.
+    pub configuration: Option<String>,
+}
+
+/// How a tool that did not fail ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything done: status 0.
+    Done,
+    /// Done, but records were lost, skipped or none could be solved: status 3.
+    Degraded,
+    /// A `--fail-if` gate failed: status 4.
+    GateFailed,
+}
+
+/// Topic of a trajectory stream in MCAP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// `/truth`
+    Truth,
+    /// `/desired`
+    Desired,
+}
