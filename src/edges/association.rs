@@ -60,7 +60,11 @@ struct Middle {
 
 impl Association {
     pub(super) fn new(frame: &Frame) -> Association {
-        let boundaries = frame.strips.iter().enumerate().flat_map(|(i, strip)| boundaries(i, strip));
+        let boundaries = frame
+            .strips
+            .iter()
+            .enumerate()
+            .flat_map(|(i, strip)| boundaries(i, strip));
         Association {
             boundaries: boundaries.collect(),
             optics: frame.scanner_model().optics,
@@ -139,7 +143,11 @@ impl Association {
             let mut information = Matrix3::zeros();
             let mut gradient = Vector3::zeros();
             for k in 0..3 {
-                let sigma = if k == 2 && !self.with_pitch { 1e-6 } else { PRIOR[k] };
+                let sigma = if k == 2 && !self.with_pitch {
+                    1e-6
+                } else {
+                    PRIOR[k]
+                };
                 information[(k, k)] = 1.0 / (sigma * sigma);
                 gradient[k] = -at[k] / (sigma * sigma);
             }
@@ -202,7 +210,9 @@ impl Association {
         self.middles.extend(edges.iter().map(|edge| {
             let v = v_axis(edge.face);
             let [from, to] = [edge.from_rad, edge.to_rad].map(|a| pose.crossing(a, edge.face));
-            let (Some(from), Some(to)) = (from, to) else { return Middle::NOWHERE };
+            let (Some(from), Some(to)) = (from, to) else {
+                return Middle::NOWHERE;
+            };
             let mean = |f: &dyn Fn(&crate::frame::Crossing) -> f64| 0.5 * (f(&from) + f(&to));
             Middle {
                 x_m: mean(&|c| c.point_m[0]),
@@ -219,9 +229,10 @@ impl Association {
         let v = v_axis(edge.face);
         let step = 1e-4;
         let middle = 0.5 * (edge.from_rad + edge.to_rad);
-        let (Some(at), Some(next)) =
-            (pose.crossing(middle, edge.face), pose.crossing(middle + step, edge.face))
-        else {
+        let (Some(at), Some(next)) = (
+            pose.crossing(middle, edge.face),
+            pose.crossing(middle + step, edge.face),
+        ) else {
             return 0.0;
         };
         let slope = usize::try_from(edge.strip)
@@ -231,15 +242,21 @@ impl Association {
         let radius_m = 0.5 * self.optics.diameter_m(at.range_m) * self.footprint_scale;
         let reach_m = radius_m * spot_stretch(at.direction, slope, v);
         // Signed distance from the edge along v, per angle, with the strip's inclination.
-        let rate = (next.point_m[v] - at.point_m[v] - slope * (next.point_m[0] - at.point_m[0])) / step;
+        let rate =
+            (next.point_m[v] - at.point_m[v] - slope * (next.point_m[0] - at.point_m[0])) / step;
         let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
         outward * reach_m / rate.abs()
     }
 }
 
 impl Middle {
-    const NOWHERE: Middle =
-        Middle { x_m: f64::NAN, v_m: f64::NAN, half_m: 0.0, d_x: [0.0; 3], d_v: [0.0; 3] };
+    const NOWHERE: Middle = Middle {
+        x_m: f64::NAN,
+        v_m: f64::NAN,
+        half_m: 0.0,
+        d_x: [0.0; 3],
+        d_v: [0.0; 3],
+    };
 }
 
 impl Boundary {
@@ -276,7 +293,11 @@ fn boundaries(strip: usize, s: &Strip) -> [Boundary; 2] {
     let make = |side: f64| Boundary {
         face: s.face,
         strip,
-        kind: if (side > 0.0) == rising { EdgeKind::Off } else { EdgeKind::On },
+        kind: if (side > 0.0) == rising {
+            EdgeKind::Off
+        } else {
+            EdgeKind::On
+        },
         offset_m: s.offset_m + side * s.width_m / 2.0,
         slope,
     };

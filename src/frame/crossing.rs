@@ -93,7 +93,12 @@ impl ScannerPose {
             *d_point = add(moved, scale(direction, d_range));
         }
         let point_m = add(self.origin_m, scale(direction, range_m));
-        Some(Crossing { range_m, point_m, direction, d_point })
+        Some(Crossing {
+            range_m,
+            point_m,
+            direction,
+            d_point,
+        })
     }
 
     /// The line in which the scan plane cuts `face` (02-geometry: d = distance / sqrt(1 - n^2)).
@@ -116,7 +121,10 @@ impl ScannerPose {
         let d_in_p = [
             scale(cross([1.0, 0.0, 0.0], in_p), -1.0),
             scale(cross(self.pitch_axis, in_p), -1.0),
-            scale(mul_transposed(&self.rotation, cross([0.0, 0.0, 1.0], outward)), -1.0),
+            scale(
+                mul_transposed(&self.rotation, cross([0.0, 0.0, 1.0], outward)),
+                -1.0,
+            ),
         ];
         for k in 0..3 {
             let d_in_s = mul_transposed(&self.mounting, d_in_p[k]);
@@ -126,7 +134,11 @@ impl ScannerPose {
             d_alpha[3 + k] = (in_s[1] * d_in_s[2] - in_s[2] * d_in_s[1]) / norm_sq;
         }
         let normal = NormalLine::new(distance_m / norm, in_s[2].atan2(in_s[1]));
-        FaceLine { normal, d_d, d_alpha }
+        FaceLine {
+            normal,
+            d_d,
+            d_alpha,
+        }
     }
 
     /// Derivatives of R v to roll, pitch and yaw, for v in P and `rotated` = R v.
@@ -179,7 +191,11 @@ fn scale(a: Vec3, by: f64) -> Vec3 {
 }
 
 fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[cfg(test)]
@@ -189,8 +205,15 @@ mod tests {
 
     fn frame() -> Frame {
         let text = include_str!("../../testdata/cablar.toml")
-            .replace("position_m = [0.0, 0.0, 0.0]", "position_m = [0.05, -0.03, 0.20]")
-            .replacen("rotation_deg = [0.0, 0.0, 0.0]", "rotation_deg = [0.4, -0.3, 0.7]", 1);
+            .replace(
+                "position_m = [0.0, 0.0, 0.0]",
+                "position_m = [0.05, -0.03, 0.20]",
+            )
+            .replacen(
+                "rotation_deg = [0.0, 0.0, 0.0]",
+                "rotation_deg = [0.4, -0.3, 0.7]",
+                1,
+            );
         Frame::parse(&text, Path::new("frame.toml")).unwrap()
     }
 
@@ -217,7 +240,8 @@ mod tests {
         );
         for (angle, face) in [(0.2, Face::Right), (1.4, Face::Upper), (2.9, Face::Left)] {
             let c = pose.crossing(angle, face).unwrap();
-            let u = rotation * mounting * nalgebra::Vector3::new(0.0, f64::cos(angle), f64::sin(angle));
+            let u =
+                rotation * mounting * nalgebra::Vector3::new(0.0, f64::cos(angle), f64::sin(angle));
             let o = nalgebra::Vector3::new(POSE[0], POSE[1], POSE[2])
                 + rotation * nalgebra::Vector3::new(0.05, -0.03, 0.20);
             let hit = o + u * c.range_m;
@@ -245,12 +269,19 @@ mod tests {
                 let [a, c, b] = [&low, &pose, &high].map(|p| p.crossing(angle, face).unwrap());
                 for j in 0..3 {
                     let difference = (b.point_m[j] - a.point_m[j]) / (2.0 * step);
-                    assert!((difference - c.d_point[k][j]).abs() < 1e-6, "{face:?} {k} {j}");
+                    assert!(
+                        (difference - c.d_point[k][j]).abs() < 1e-6,
+                        "{face:?} {k} {j}"
+                    );
                 }
                 let [a, c, b] = [&low, &pose, &high].map(|p| p.line(face));
                 let d = (b.normal.d_m - a.normal.d_m) / (2.0 * step);
                 let alpha = (b.normal.alpha_rad - a.normal.alpha_rad) / (2.0 * step);
-                assert!((d - c.d_d[k]).abs() < 1e-6, "{face:?} d {k}: {d} {}", c.d_d[k]);
+                assert!(
+                    (d - c.d_d[k]).abs() < 1e-6,
+                    "{face:?} d {k}: {d} {}",
+                    c.d_d[k]
+                );
                 assert!((alpha - c.d_alpha[k]).abs() < 1e-6, "{face:?} alpha {k}");
             }
         }

@@ -32,12 +32,17 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { sigma_m: None, bias_sigma_m: 0.015, min_points: 8, track: true }
+        Options {
+            sigma_m: None,
+            bias_sigma_m: 0.015,
+            min_points: 8,
+            track: true,
+        }
     }
 }
 
 /// Gates around a coarse prediction, then none: the fit's own, m.
-const COLD_GATES_M: [f64; 5] = [0.20, 0.15, 0.10, 0.06, 0.04];
+const COLD_GATES_M: [f64; 8] = [0.20, 0.20, 0.15, 0.15, 0.10, 0.10, 0.06, 0.04];
 const TRACK_GATES_M: [f64; 2] = [0.08, 0.04];
 /// Passes with the final gate and Huber weights.
 const FINAL_PASSES: usize = 3;
@@ -96,7 +101,6 @@ impl JointLines {
     pub fn seen(&self, options: &Options) -> [bool; 3] {
         self.points.map(|points| points >= options.min_points)
     }
-
 }
 
 impl ReflectorFit {
@@ -127,29 +131,40 @@ impl ReflectorFit {
 
     /// Fits the three lines to a scan; none where no reflector is to be found.
     pub fn fit(&mut self, scan: &Scan) -> Option<JointLines> {
-        if scan.beams() < 2
-            || !(scan.angle_increment_rad > 0.0)
-            || !scan.angle_min_rad.is_finite()
+        if scan.beams() < 2 || !(scan.angle_increment_rad > 0.0) || !scan.angle_min_rad.is_finite()
         {
             return None;
         }
         self.beams.fit(scan);
         self.ranges_m.clear();
         let (bias_m, scale) = (self.range_bias_m, 1.0 / self.range_scale);
-        self.ranges_m.extend(scan.ranges_m.iter().map(|r| (r - bias_m) * scale));
-        let tracked = self.previous.filter(|_| self.options.track).and_then(|previous| {
-            let start = Start {
-                lines: previous.lines,
-                bias_m: previous.bias_m,
-                sigma_m: previous.sigma_m,
-            };
-            let fit = self.refine(start, &TRACK_GATES_M)?;
-            self.is_plausible(&fit, Some(&previous)).then_some(fit)
-        });
+        self.ranges_m
+            .extend(scan.ranges_m.iter().map(|r| (r - bias_m) * scale));
+        let tracked = self
+            .previous
+            .filter(|_| self.options.track)
+            .and_then(|previous| {
+                let start = Start {
+                    lines: previous.lines,
+                    bias_m: previous.bias_m,
+                    sigma_m: previous.sigma_m,
+                };
+                let fit = self.refine(start, &TRACK_GATES_M)?;
+                self.is_plausible(&fit, Some(&previous)).then_some(fit)
+            });
         let fit = tracked.or_else(|| {
-            let lines = self.cold.find(&self.beams, &self.ranges_m, self.dy_m, self.gap_m)?;
+            let lines = self
+                .cold
+                .find(&self.beams, &self.ranges_m, self.dy_m, self.gap_m)?;
             let sigma_m = self.options.sigma_m.unwrap_or(SIGMA_START_M);
-            let fit = self.refine(Start { lines, bias_m: 0.0, sigma_m }, &COLD_GATES_M)?;
+            let fit = self.refine(
+                Start {
+                    lines,
+                    bias_m: 0.0,
+                    sigma_m,
+                },
+                &COLD_GATES_M,
+            )?;
             self.is_plausible(&fit, None).then_some(fit)
         });
         self.previous = fit.as_ref().map(|fit| Previous {
@@ -163,13 +178,21 @@ impl ReflectorFit {
 
     /// Gauss-Newton with shrinking gates, then with the fit's own gate and Huber weights.
     fn refine(&self, start: Start, gates_m: &[f64]) -> Option<JointLines> {
-        let Start { mut lines, mut bias_m, mut sigma_m } = start;
+        let Start {
+            mut lines,
+            mut bias_m,
+            mut sigma_m,
+        } = start;
         let mut sums = [LineSums::default(); 3];
         let mut covariance = SMatrix::<f64, N, N>::zeros();
         for pass in 0..gates_m.len() + FINAL_PASSES {
             let coarse = gates_m.get(pass).copied();
             let gate_m = coarse.unwrap_or_else(|| (4.0 * sigma_m).max(0.012));
-            let huber_m = if coarse.is_some() { f64::INFINITY } else { HUBER * sigma_m };
+            let huber_m = if coarse.is_some() {
+                f64::INFINITY
+            } else {
+                HUBER * sigma_m
+            };
             let sectors = sectors(&lines, &self.beams);
             for k in 0..3 {
                 let s = sectors[k].clone();
@@ -192,15 +215,28 @@ impl ReflectorFit {
             }
             bias_m = (bias_m + step[6]).clamp(-0.2, 0.2);
             if coarse.is_none() || pass + 1 == gates_m.len() {
-                sigma_m = self.options.sigma_m.unwrap_or_else(|| residual_sigma(&sums));
+                sigma_m = self
+                    .options
+                    .sigma_m
+                    .unwrap_or_else(|| residual_sigma(&sums));
             }
         }
         let points = [0, 1, 2].map(|k| sums[k].points);
-        if points.iter().all(|points| *points < self.options.min_points) {
+        if points
+            .iter()
+            .all(|points| *points < self.options.min_points)
+        {
             return None;
         }
         let rms_m = [0, 1, 2].map(|k| sums[k].rms_m());
-        Some(JointLines { lines, bias_m, covariance, points, rms_m, sigma_m })
+        Some(JointLines {
+            lines,
+            bias_m,
+            covariance,
+            points,
+            rms_m,
+            sigma_m,
+        })
     }
 
     /// One Gauss-Newton step and the inverse information.
@@ -246,7 +282,17 @@ impl ReflectorFit {
     fn is_plausible(&self, fit: &JointLines, previous: Option<&Previous>) -> bool {
         let seen = fit.seen(&self.options);
         let [right, upper, left] = fit.lines;
-        let off = |angle: f64, nominal: f64| (angle - nominal).abs() > 0.05;
+        // A tracked fit that is refused costs a cold start and no more, so it is judged sharply;
+        // lines leave the right angle only by yaw times pitch.
+        let (skew_rad, bias_sigmas) = if previous.is_some() {
+            (0.012, 3.5)
+        } else {
+            (0.05, 6.0)
+        };
+        let off = |angle: f64, nominal: f64| (angle - nominal).abs() > skew_rad;
+        if fit.bias_m.abs() > bias_sigmas * self.options.bias_sigma_m {
+            return false;
+        }
         if seen[0] && seen[1] && off(upper.alpha_rad - right.alpha_rad, FRAC_PI_2)
             || seen[1] && seen[2] && off(left.alpha_rad - upper.alpha_rad, FRAC_PI_2)
             || seen[0] && seen[2] && (right.d_m + left.d_m - self.dy_m).abs() > 0.15
@@ -256,20 +302,27 @@ impl ReflectorFit {
         if (fit.lines.iter().zip(seen)).any(|(line, seen)| seen && !(line.d_m > 0.05)) {
             return false;
         }
-        let Some(previous) = previous else { return true };
+        let Some(previous) = previous else {
+            return true;
+        };
         let kept = |k: usize| f64::from(fit.points[k]) >= 0.6 * f64::from(previous.points[k]);
         if !(kept(0) && kept(1) && kept(2)) {
+            return false;
+        }
+        // A line that was drawn through half of a reflector's points has the other half beside it.
+        let beside = |k: usize| self.count_near(fit, k, 0.0, 0.15) * 4 > fit.points[k] as usize * 5;
+        if beside(0) || beside(1) || beside(2) {
             return false;
         }
         // Tracking may have slipped onto the surface behind the strips: then the strips themselves
         // stand one gap in front of the line.
         let Some(gap_m) = self.gap_m else { return true };
-        let in_front = self.count_near(fit, 1, -gap_m);
+        let in_front = self.count_near(fit, 1, -gap_m, 0.06);
         in_front * 5 < fit.points[1].max(1) as usize
     }
 
-    /// Beams of a sector within 60 mm of the line moved outward by `offset_m`.
-    fn count_near(&self, fit: &JointLines, k: usize, offset_m: f64) -> usize {
+    /// Beams of a sector within `reach_m` of the line moved outward by `offset_m`.
+    fn count_near(&self, fit: &JointLines, k: usize, offset_m: f64, reach_m: f64) -> usize {
         let line = fit.lines[k];
         let (sin, cos) = line.alpha_rad.sin_cos();
         let sector = sectors(&fit.lines, &self.beams)[k].clone();
@@ -277,7 +330,7 @@ impl ReflectorFit {
             .iter()
             .zip(&self.ranges_m[sector])
             .filter(|((c, s), r)| {
-                ((*r - fit.bias_m) * (c * cos + s * sin) - line.d_m - offset_m).abs() < 0.06
+                ((*r - fit.bias_m) * (c * cos + s * sin) - line.d_m - offset_m).abs() < reach_m
             })
             .count()
     }
@@ -287,7 +340,11 @@ impl ReflectorFit {
         let seen = fit.seen(&self.options);
         let at = |row: usize, col: usize| {
             let (i, j) = (row / 2, col / 2);
-            if (i < 3 && !seen[i]) || (j < 3 && !seen[j]) { f64::NAN } else { fit.covariance[(row, col)] }
+            if (i < 3 && !seen[i]) || (j < 3 && !seen[j]) {
+                f64::NAN
+            } else {
+                fit.covariance[(row, col)]
+            }
         };
         let line = |k: usize| {
             if !seen[k] {
@@ -363,7 +420,11 @@ impl LineSums {
                 continue;
             }
             let sin_phi = sin * cos_alpha - cos * sin_alpha;
-            let w = if magnitude > huber_m { huber_m / magnitude } else { 1.0 };
+            let w = if magnitude > huber_m {
+                huber_m / magnitude
+            } else {
+                1.0
+            };
             let d = inverse;
             let a = -predicted_m * sin_phi * inverse;
             let (wd, wa) = (w * d, w * a);
@@ -383,13 +444,19 @@ impl LineSums {
     }
 
     fn rms_m(&self) -> f64 {
-        if self.w > 0.0 { (self.ee / self.w).sqrt() } else { f64::NAN }
+        if self.w > 0.0 {
+            (self.ee / self.w).sqrt()
+        } else {
+            f64::NAN
+        }
     }
 }
 
 /// Standard deviation of one range from the residuals of all lines.
 fn residual_sigma(sums: &[LineSums; 3]) -> f64 {
-    let (ee, w) = sums.iter().fold((0.0, 0.0), |(ee, w), s| (ee + s.ee, w + s.w));
+    let (ee, w) = sums
+        .iter()
+        .fold((0.0, 0.0), |(ee, w), s| (ee + s.ee, w + s.w));
     let freedom = w - N as f64;
     if freedom > 10.0 {
         // Down-weighting takes a few per cent off the spread of Gaussian residuals.
@@ -419,7 +486,11 @@ fn corner_rad(a: &NormalLine, b: &NormalLine) -> f64 {
     let z = b.d_m * ca - a.d_m * cb;
     // For normals a quarter turn apart the determinant is positive.
     let angle = z.atan2(y);
-    if angle <= -FRAC_PI_2 { angle + 2.0 * PI } else { angle }
+    if angle <= -FRAC_PI_2 {
+        angle + 2.0 * PI
+    } else {
+        angle
+    }
 }
 
 /// The search for the three lines with no idea where they are.
@@ -503,7 +574,9 @@ impl ColdStart {
 fn around(cells: &[u16], i: usize) -> u64 {
     let from = i.saturating_sub(1);
     let to = (i + 2).min(cells.len());
-    cells.get(from..to).map_or(0, |cells| cells.iter().map(|c| u64::from(*c)).sum())
+    cells
+        .get(from..to)
+        .map_or(0, |cells| cells.iter().map(|c| u64::from(*c)).sum())
 }
 
 /// The right wall's cell: the most points there and one frame width to the left of it. The bias

@@ -85,7 +85,11 @@ fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) 
     let mass = normal_between(low, high);
     if mass < 1e-12 {
         // The box is far out in the tail: all of it is at the nearer bound.
-        let bound = if mean > factor.high { factor.high } else { factor.low };
+        let bound = if mean > factor.high {
+            factor.high
+        } else {
+            factor.low
+        };
         let soft = factor.softness * factor.softness;
         return (bound, variance * soft / (variance + soft));
     }
@@ -139,14 +143,24 @@ mod tests {
 
     #[test]
     fn box_moments_match_a_plain_sum() {
-        for (m, v, low, high, soft) in
-            [(0.0, 1.0, -0.5, 2.0, 0.1), (1.0, 4.0, -3.0, -2.0, 0.3), (0.0, 1.0, 2.5, 3.0, 0.05)]
-        {
-            let factor = BoxFactor { row: SVector::<f64, 1>::new(1.0), low, high, softness: soft };
+        for (m, v, low, high, soft) in [
+            (0.0, 1.0, -0.5, 2.0, 0.1),
+            (1.0, 4.0, -3.0, -2.0, 0.3),
+            (0.0, 1.0, 2.5, 3.0, 0.05),
+        ] {
+            let factor = BoxFactor {
+                row: SVector::<f64, 1>::new(1.0),
+                low,
+                high,
+                softness: soft,
+            };
             let (mean, variance) = box_moments(m, v, &factor);
             let (mean_sum, variance_sum) = moments_by_sum(m, v, low, high, soft);
             assert!((mean - mean_sum).abs() < 1e-5, "{mean} {mean_sum}");
-            assert!((variance - variance_sum).abs() < 1e-5, "{variance} {variance_sum}");
+            assert!(
+                (variance - variance_sum).abs() < 1e-5,
+                "{variance} {variance_sum}"
+            );
         }
     }
 
@@ -160,15 +174,33 @@ mod tests {
         };
         let row = |a: f64, b: f64| SVector::<f64, 2>::new(a, b);
         let boxes = [
-            BoxFactor { row: row(1.0, 0.0), low: -1.0, high: 0.5, softness: 1e-3 },
-            BoxFactor { row: row(0.3, 1.0), low: -0.2, high: 1.0, softness: 1e-3 },
-            BoxFactor { row: row(-0.6, 1.0), low: -0.5, high: 0.9, softness: 1e-3 },
+            BoxFactor {
+                row: row(1.0, 0.0),
+                low: -1.0,
+                high: 0.5,
+                softness: 1e-3,
+            },
+            BoxFactor {
+                row: row(0.3, 1.0),
+                low: -0.2,
+                high: 1.0,
+                softness: 1e-3,
+            },
+            BoxFactor {
+                row: row(-0.6, 1.0),
+                low: -0.5,
+                high: 0.9,
+                softness: 1e-3,
+            },
         ];
         let state = propagate(&prior, &boxes, 30);
         let (mut w, mut m, mut c) = (0.0, [0.0; 2], [0.0; 3]);
         for i in 0..2000 {
             for j in 0..2000 {
-                let p = [-2.0 + 4.0 * f64::from(i) / 2000.0, -2.0 + 4.0 * f64::from(j) / 2000.0];
+                let p = [
+                    -2.0 + 4.0 * f64::from(i) / 2000.0,
+                    -2.0 + 4.0 * f64::from(j) / 2000.0,
+                ];
                 let inside = boxes.iter().all(|b| {
                     let g = b.row[0] * p[0] + b.row[1] * p[1];
                     g >= b.low && g <= b.high
@@ -181,9 +213,17 @@ mod tests {
             }
         }
         m = m.map(|v| v / w);
-        let sd = [(c[0] / w - m[0] * m[0]).sqrt(), (c[2] / w - m[1] * m[1]).sqrt()];
+        let sd = [
+            (c[0] / w - m[0] * m[0]).sqrt(),
+            (c[2] / w - m[1] * m[1]).sqrt(),
+        ];
         for k in 0..2 {
-            assert!((state.mean[k] - m[k]).abs() < 0.05 * sd[k], "{} {}", state.mean[k], m[k]);
+            assert!(
+                (state.mean[k] - m[k]).abs() < 0.05 * sd[k],
+                "{} {}",
+                state.mean[k],
+                m[k]
+            );
             let ratio = state.covariance[(k, k)].sqrt() / sd[k];
             assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
         }

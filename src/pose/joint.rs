@@ -93,7 +93,11 @@ pub fn solve(
         }
         None => {
             status |= Status::NO_IMU;
-            Pitch { rad: 0.0, sigma_rad: 1f64.to_radians(), stale: false }
+            Pitch {
+                rad: 0.0,
+                sigma_rad: 1f64.to_radians(),
+                stale: false,
+            }
         }
     };
     if status.has(Status::NO_UPPER) || status.has(Status::NO_WALLS) {
@@ -105,15 +109,20 @@ pub fn solve(
     let mut used = 0;
     let mut posterior = None;
     for round in 0..ROUNDS {
-        let Some(prior) = line_posterior(lines, frame, pitch, options, &estimate) else { break };
+        let Some(prior) = line_posterior(lines, frame, pitch, options, &estimate) else {
+            break;
+        };
         let boxes = edge_boxes(lines, frame, &estimate, &rejected);
         if round == 0 {
             // Coarse first: least squares on the middles brings the linearisation near.
             let mut coarse = middle_fit(&prior, &boxes);
             while let Some(worst) = worst_violation(&coarse, &boxes, &rejected) {
                 rejected[worst] = true;
-                let kept: Vec<EdgeBox> =
-                    boxes.iter().filter(|b| !rejected[b.index]).copied().collect();
+                let kept: Vec<EdgeBox> = boxes
+                    .iter()
+                    .filter(|b| !rejected[b.index])
+                    .copied()
+                    .collect();
                 coarse = middle_fit(&prior, &kept);
             }
             estimate = bounded(coarse.mean);
@@ -179,9 +188,16 @@ fn start(lines: &ReflectorLines, frame: &Frame, pitch: Pitch) -> State {
     };
     let z = frame.bounds.dz_m - lines.upper.normal.d_m;
     let roll = std::f64::consts::FRAC_PI_2 - lines.upper.normal.alpha_rad;
-    let bias = if lines.range_bias_m.is_finite() { lines.range_bias_m } else { 0.0 };
+    let bias = if lines.range_bias_m.is_finite() {
+        lines.range_bias_m
+    } else {
+        0.0
+    };
     let mut state = State::zeros();
-    for (k, value) in [0.0, y, z, roll, pitch.rad, 0.0, bias].into_iter().enumerate() {
+    for (k, value) in [0.0, y, z, roll, pitch.rad, 0.0, bias]
+        .into_iter()
+        .enumerate()
+    {
         state[k] = value;
     }
     state
@@ -229,7 +245,10 @@ fn line_posterior(
     // Residuals are at `at`: measured - predicted + row . at is what the rows should give.
     vector += weighted * (residuals + rows * at);
     let covariance = information.cholesky()?.inverse();
-    Some(Gaussian { mean: covariance * vector, covariance })
+    Some(Gaussian {
+        mean: covariance * vector,
+        covariance,
+    })
 }
 
 type LineRows = SMatrix<f64, 7, N>;
@@ -246,8 +265,11 @@ fn line_equations(
     let mut covariance = SMatrix::<f64, 7, 7>::identity();
     let joint = lines.joint_cov.len() == 28;
     let mut known = [false; 7];
-    for (k, (line, face)) in
-        lines.lines().into_iter().zip([Face::Right, Face::Upper, Face::Left]).enumerate()
+    for (k, (line, face)) in lines
+        .lines()
+        .into_iter()
+        .zip([Face::Right, Face::Upper, Face::Left])
+        .enumerate()
     {
         if !line.is_seen() {
             continue;
@@ -298,7 +320,11 @@ fn threshold_mean(share: f64) -> f64 {
     let (mut low, mut high) = (-1.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if inside(-middle) > share { low = middle } else { high = middle }
+        if inside(-middle) > share {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     0.5 * (low + high)
 }
@@ -325,12 +351,7 @@ fn edge_boxes(
 /// g is the signed distance of a beam's crossing from the strip's boundary, along y on the ceiling
 /// and z on a wall. It changes sign between the two beams around the edge:
 /// `0 <= sign g(from)`, `sign g(to) <= 0`, with g(state) = g(at) + row . (state - at).
-fn edge_box(
-    edge: &Edge,
-    frame: &Frame,
-    pose: &ScannerPose,
-    at: &State,
-) -> Option<BoxFactor<N>> {
+fn edge_box(edge: &Edge, frame: &Frame, pose: &ScannerPose, at: &State) -> Option<BoxFactor<N>> {
     let strip = frame.strips.get(usize::try_from(edge.strip).ok()?)?;
     if strip.face != edge.face {
         return None;
@@ -338,7 +359,11 @@ fn edge_box(
     let v = if edge.face == Face::Upper { 1 } else { 2 };
     // With growing beam angle v falls on ceiling and left wall and rises on the right wall.
     let sign = if edge.face == Face::Right { -1.0 } else { 1.0 };
-    let side = if (edge.kind == EdgeKind::On) == (edge.face != Face::Right) { 1.0 } else { -1.0 };
+    let side = if (edge.kind == EdgeKind::On) == (edge.face != Face::Right) {
+        1.0
+    } else {
+        -1.0
+    };
     let slope = strip.slope();
     let offset_m = strip.offset_m + side * strip.width_m / 2.0;
     let from = pose.crossing(edge.from_rad, edge.face)?;
@@ -358,7 +383,12 @@ fn edge_box(
     }
     let centre = row.dot(at);
     let softness = f64::hypot(SOFT_M, SOFT_SPOT * row[THRESHOLD]);
-    Some(BoxFactor { row, low: centre - g_from, high: centre - g_to, softness })
+    Some(BoxFactor {
+        row,
+        low: centre - g_from,
+        high: centre - g_to,
+        softness,
+    })
 }
 
 /// Least squares on the middles of the boxes, with the variance of an even distribution.
@@ -377,11 +407,7 @@ fn middle_fit(prior: &Gaussian<N>, boxes: &[EdgeBox]) -> Gaussian<N> {
 }
 
 /// The edge that contradicts the estimate most, if any does beyond doubt.
-fn worst_violation(
-    state: &Gaussian<N>,
-    boxes: &[EdgeBox],
-    rejected: &[bool],
-) -> Option<usize> {
+fn worst_violation(state: &Gaussian<N>, boxes: &[EdgeBox], rejected: &[bool]) -> Option<usize> {
     let mut worst = None;
     let mut most = 0.0;
     for b in boxes.iter().filter(|b| !rejected[b.index]) {

@@ -26,7 +26,11 @@ pub struct Pitch {
 /// P's -z. ENU here means the device's axes turned upright, with its x still along P's x.
 pub fn platform_attitude(sample: &ImuSample, frame: &Frame) -> [f64; 3] {
     // Some sample types have no yaw; pitch does not depend on it.
-    let yaw = if sample.yaw_rad.is_finite() { sample.yaw_rad } else { 0.0 };
+    let yaw = if sample.yaw_rad.is_finite() {
+        sample.yaw_rad
+    } else {
+        0.0
+    };
     let measured = Rotation3::from_euler_angles(sample.roll_rad, sample.pitch_rad, yaw);
     let [roll, pitch, yaw] = frame.imu.rotation_deg.map(f64::to_radians);
     let mounting = Rotation3::from_euler_angles(roll, pitch, yaw);
@@ -52,7 +56,9 @@ pub fn at(
 ) -> Option<Pitch> {
     let pitch = |sample: &ImuSample| platform_attitude(sample, frame)[1];
     let usable = |sample: Option<&ImuSample>| {
-        sample.filter(|s| s.pitch_rad.is_finite() && s.roll_rad.is_finite()).copied()
+        sample
+            .filter(|s| s.pitch_rad.is_finite() && s.roll_rad.is_finite())
+            .copied()
     };
     let (before, after) = (usable(around.0), usable(around.1));
     let age_s = |sample: &ImuSample| stamp.since_s(sample.stamp).abs();
@@ -63,15 +69,25 @@ pub fn at(
             let nearest_s = age_s(&before).min(age_s(&after));
             let rad = if nearest_s == 0.0 || span_s > 2.0 * max_age_s {
                 // Never blend across a gap.
-                pitch(if age_s(&before) <= age_s(&after) { &before } else { &after })
+                pitch(if age_s(&before) <= age_s(&after) {
+                    &before
+                } else {
+                    &after
+                })
             } else {
                 pitch(&before) + share * (pitch(&after) - pitch(&before))
             };
-            Some(Pitch { rad, sigma_rad, stale: nearest_s > max_age_s })
+            Some(Pitch {
+                rad,
+                sigma_rad,
+                stale: nearest_s > max_age_s,
+            })
         }
-        (Some(only), _) | (None, Some(only)) => {
-            Some(Pitch { rad: pitch(&only), sigma_rad, stale: age_s(&only) > max_age_s })
-        }
+        (Some(only), _) | (None, Some(only)) => Some(Pitch {
+            rad: pitch(&only),
+            sigma_rad,
+            stale: age_s(&only) > max_age_s,
+        }),
         (None, None) => None,
     }
 }
@@ -121,14 +137,35 @@ mod tests {
         let frame = frame("[0.0, 0.0, 0.0]");
         let a = sample(0, Axes::Platform, [0.0, 0.01, 0.0]);
         let b = sample(10_000_000, Axes::Platform, [0.0, 0.03, 0.0]);
-        let middle = at(Stamp::from_ns(5_000_000), (Some(&a), Some(&b)), &frame, 0.0, 0.05).unwrap();
+        let middle = at(
+            Stamp::from_ns(5_000_000),
+            (Some(&a), Some(&b)),
+            &frame,
+            0.0,
+            0.05,
+        )
+        .unwrap();
         assert!((middle.rad - 0.02).abs() < 1e-12 && !middle.stale);
         let exact = at(Stamp::from_ns(0), (Some(&a), Some(&b)), &frame, 0.0, 0.05).unwrap();
         assert_eq!(exact.rad, 0.01);
-        let late = at(Stamp::from_ns(900_000_000), (Some(&b), None), &frame, 0.0, 0.05).unwrap();
+        let late = at(
+            Stamp::from_ns(900_000_000),
+            (Some(&b), None),
+            &frame,
+            0.0,
+            0.05,
+        )
+        .unwrap();
         assert!(late.stale);
         let far = sample(800_000_000, Axes::Platform, [0.0, 0.5, 0.0]);
-        let gap = at(Stamp::from_ns(20_000_000), (Some(&b), Some(&far)), &frame, 0.0, 0.05).unwrap();
+        let gap = at(
+            Stamp::from_ns(20_000_000),
+            (Some(&b), Some(&far)),
+            &frame,
+            0.0,
+            0.05,
+        )
+        .unwrap();
         assert_eq!(gap.rad, 0.03);
         assert!(at(Stamp::from_ns(0), (None, None), &frame, 0.0, 0.05).is_none());
     }

@@ -53,4 +53,3 @@ impl BeamTable {
         from..to.max(from)
     }
 }
-
