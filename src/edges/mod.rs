@@ -1,1 +1,178 @@
-//! (to be written)
+//! Strip edges from a scan and its reflector lines.
+//!
+//! On a face that carries strips every beam is a hit (it returned from the face's line), a gap (it
+//! went on to the surface behind), or neither. Between the last sure beam of one kind and the first
+//! of the other lies an edge: its interval. Mixed pixels, cables and cargo only make an interval
+//! longer, never wrong. Each edge is then given the strip that it belongs to.
+
+mod association;
+
+use crate::frame::Frame;
+use crate::record::{BeamTable, Edge, EdgeKind, Face, NormalLine, ReflectorLines, Scan};
+use association::Association;
+use std::f64::consts::FRAC_PI_2;
+
+/// A hit lies within this many sigma of the line.
+const HIT_SIGMA: f64 = 4.0;
+/// And within at least this, m.
+const HIT_MIN_M: f64 = 0.020;
+/// A gap is at least this share of the way to the surface behind.
+const GAP_SHARE: f64 = 0.85;
+
+/// What a beam met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Beam {
+    /// The face's line.
+    Hit,
+    /// The surface behind, or nothing where nothing is behind.
+    Gap,
+    /// Something in between: a mixed pixel.
+    Mixed,
+    /// No echo, or something in front.
+    Unknown,
+}
+
+/// Measures the strip edges, scan after scan.
+#[derive(Clone, Debug)]
+pub struct EdgeMeter {
+    frame: Frame,
+    beams: BeamTable,
+    states: Vec<Beam>,
+    found: Vec<Edge>,
+    association: Association,
+}
+
+impl EdgeMeter {
+    /// A meter for scans taken in `frame`.
+    pub fn new(frame: &Frame) -> EdgeMeter {
+        EdgeMeter {
+            frame: frame.clone(),
+            beams: BeamTable::default(),
+            states: Vec::new(),
+            found: Vec::new(),
+            association: Association::new(frame),
+        }
+    }
+
+    /// Finds the edges of `scan` on the faces whose lines are known and puts them into `lines`.
+    pub fn measure(&mut self, scan: &Scan, lines: &mut ReflectorLines) {
+        self.beams.fit(scan);
+        self.found.clear();
+        let faces = [Face::Right, Face::Upper, Face::Left];
+        for (k, face) in faces.into_iter().enumerate() {
+            if lines.lines()[k].is_seen() && self.frame.strips_on(face).next().is_some() {
+                self.classify(scan, lines, k);
+                self.transitions(face);
+            }
+        }
+        let reference = (FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
+        for edge in &mut self.found {
+            let index = (0.5 * (edge.from_rad + edge.to_rad) - scan.angle_min_rad)
+                / scan.angle_increment_rad;
+            edge.time_s = (index - reference) * scan.time_increment_s;
+        }
+        self.association.assign(&self.frame, lines, &mut self.found);
+        lines.edges.clear();
+        lines.edges.extend_from_slice(&self.found);
+    }
+
+    /// Gives every beam its state for face `k`; beams that meet another face first stay outside
+    /// by being unknown at the run's ends.
+    fn classify(&mut self, scan: &Scan, lines: &ReflectorLines, k: usize) {
+        let fitted = lines.lines();
+        let normals: [Option<(f64, f64, f64)>; 3] =
+            [0, 1, 2].map(|j| fitted[j].is_seen().then(|| components(&fitted[j].normal)));
+        let gap_m = self.frame.bounds.background_gap_m;
+        let tolerance_m = (HIT_SIGMA * fitted[k].rms_m).clamp(HIT_MIN_M, 0.06);
+        let (bias_m, scale) = (
+            self.frame.calibration.range_bias_m,
+            1.0 / self.frame.calibration.range_scale,
+        );
+        let bias_m = bias_m + lines.range_bias_m * self.frame.calibration.range_scale;
+        self.states.clear();
+        for ((cos, sin), range_m) in self.beams.cos_sin.iter().zip(scan.ranges_m.iter()) {
+            let mut nearest = f64::NEG_INFINITY;
+            let mut nearest_behind = f64::NEG_INFINITY;
+            let mut own = f64::NEG_INFINITY;
+            for (j, normal) in normals.iter().enumerate() {
+                let Some((y, z, d_m)) = normal else { continue };
+                let along = cos * y + sin * z;
+                let inverse = along / d_m;
+                nearest = nearest.max(inverse);
+                if j == k {
+                    own = inverse;
+                }
+                nearest_behind = nearest_behind.max(along / (d_m + gap_m.unwrap_or(0.0)));
+            }
+            if own < nearest || own <= 0.0 {
+                self.states.push(Beam::Unknown);
+                continue;
+            }
+            let face_m = 1.0 / own;
+            let e = (range_m - bias_m) * scale - face_m;
+            self.states.push(match gap_m {
+                _ if e.abs() <= tolerance_m => Beam::Hit,
+                _ if range_m.is_nan() || e < 0.0 => Beam::Unknown,
+                Some(_) if *range_m == f64::INFINITY => Beam::Unknown,
+                None => Beam::Gap,
+                Some(_) if e >= GAP_SHARE * (1.0 / nearest_behind - face_m) => Beam::Gap,
+                Some(_) => Beam::Mixed,
+            });
+        }
+        self.drop_contradictions();
+    }
+
+    /// A beam that three of its four neighbours contradict and none supports is not trusted.
+    fn drop_contradictions(&mut self) {
+        let n = self.states.len();
+        let opposite = |a: Beam, b: Beam| {
+            (a == Beam::Hit && b == Beam::Gap) || (a == Beam::Gap && b == Beam::Hit)
+        };
+        // Neighbours are judged as they were found: two beams back and one back before any change.
+        let (mut back2, mut back1) = (Beam::Unknown, Beam::Unknown);
+        for i in 0..n {
+            let here = self.states[i];
+            if matches!(here, Beam::Hit | Beam::Gap) {
+                let ahead = |k: usize| self.states.get(i + k).copied().unwrap_or(Beam::Unknown);
+                let around = [back2, back1, ahead(1), ahead(2)];
+                let against = around.iter().filter(|b| opposite(here, **b)).count();
+                if against >= 3 && !around.contains(&here) {
+                    self.states[i] = Beam::Unknown;
+                }
+            }
+            (back2, back1) = (back1, here);
+        }
+    }
+
+    /// An edge wherever the last sure state changes.
+    fn transitions(&mut self, face: Face) {
+        let mut last: Option<(usize, Beam)> = None;
+        for (i, state) in self.states.iter().enumerate() {
+            if !matches!(state, Beam::Hit | Beam::Gap) {
+                continue;
+            }
+            if let Some((before, kind)) = last
+                && kind != *state
+            {
+                self.found.push(Edge {
+                    face,
+                    kind: if *state == Beam::Hit {
+                        EdgeKind::On
+                    } else {
+                        EdgeKind::Off
+                    },
+                    from_rad: self.beams.angle_rad(before),
+                    to_rad: self.beams.angle_rad(i),
+                    ..Edge::default()
+                });
+            }
+            last = Some((i, *state));
+        }
+    }
+}
+
+/// cos(alpha), sin(alpha), d of a line.
+fn components(normal: &NormalLine) -> (f64, f64, f64) {
+    let (sin, cos) = normal.alpha_rad.sin_cos();
+    (cos, sin, normal.d_m)
+}
