@@ -2,6 +2,7 @@
 //! streams to rooms (`run`). No mathematics and no bytes here.
 
 pub mod common;
+pub mod extract_lines;
 pub mod solve_pose;
 
 use crate::stream::{Fault, Outcome, exit};

@@ -101,13 +101,24 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         }),
         (None, None) => Source::Nothing,
     };
-    let mut stage = Solve { frame, method: args.method, source, solved: 0, unsolved: 0 };
+    let mut stage = Solve {
+        frame,
+        method: args.method,
+        source,
+        solved: 0,
+        unsolved: 0,
+    };
     stream::filter(&options, args.input.as_deref(), &mut stage)
 }
 
 /// Where each scan's pitch comes from.
 enum Source {
-    Imu { samples: Box<SideInput<ImuSample>>, sigma_rad: f64, wait: Duration, max_age_s: f64 },
+    Imu {
+        samples: Box<SideInput<ImuSample>>,
+        sigma_rad: f64,
+        wait: Duration,
+        max_age_s: f64,
+    },
     Constant(Pitch),
     Nothing,
 }
@@ -126,9 +137,20 @@ impl Solve {
         match &mut self.source {
             Source::Nothing => Ok(None),
             Source::Constant(pitch) => Ok(Some(*pitch)),
-            Source::Imu { samples, sigma_rad, wait, max_age_s } => {
+            Source::Imu {
+                samples,
+                sigma_rad,
+                wait,
+                max_age_s,
+            } => {
                 let around = samples.around(lines.stamp, *wait)?;
-                Ok(pitch::at(lines.stamp, around, &self.frame, *sigma_rad, *max_age_s))
+                Ok(pitch::at(
+                    lines.stamp,
+                    around,
+                    &self.frame,
+                    *sigma_rad,
+                    *max_age_s,
+                ))
             }
         }
     }
@@ -155,10 +177,17 @@ impl Stage for Solve {
     fn finish(&mut self, _emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
         if self.unsolved > 0 {
             let all = self.solved + self.unsolved;
-            eprintln!("solve-pose: {} of {all} scans gave no pose; see their status", self.unsolved);
+            eprintln!(
+                "solve-pose: {} of {all} scans gave no pose; see their status",
+                self.unsolved
+            );
         }
         let nothing = self.solved == 0 && self.unsolved > 0;
-        Ok(if nothing { Outcome::Degraded } else { Outcome::Done })
+        Ok(if nothing {
+            Outcome::Degraded
+        } else {
+            Outcome::Done
+        })
     }
 }
 
