@@ -90,13 +90,19 @@ fn write_head(scan: &LmdScandata, sink: &mut impl Sink) {
     sink.number(scan.version.into(), 2);
     sink.number(scan.device_number.into(), 2);
     sink.number(scan.serial_number, 4);
-    scan.device_status.iter().for_each(|byte| sink.number((*byte).into(), 1));
+    scan.device_status
+        .iter()
+        .for_each(|byte| sink.number((*byte).into(), 1));
     sink.number(scan.telegram_counter.into(), 2);
     sink.number(scan.scan_counter.into(), 2);
     sink.number(scan.scan_tick_us, 4);
     sink.number(scan.transmit_tick_us, 4);
-    scan.inputs.iter().for_each(|byte| sink.number((*byte).into(), 1));
-    scan.outputs.iter().for_each(|byte| sink.number((*byte).into(), 1));
+    scan.inputs
+        .iter()
+        .for_each(|byte| sink.number((*byte).into(), 1));
+    scan.outputs
+        .iter()
+        .for_each(|byte| sink.number((*byte).into(), 1));
     sink.number(scan.layer.into(), 2);
     sink.number(scan.scan_frequency, 4);
     sink.number(scan.measurement_frequency, 4);
@@ -125,7 +131,10 @@ fn write_channel(channel: &Channel, sink: &mut impl Sink) {
 fn write_tail(scan: &LmdScandata, sink: &mut impl Sink) {
     sink.number(scan.position.is_some().into(), 2);
     if let Some(position) = &scan.position {
-        position.coordinates.iter().for_each(|value| sink.real(*value));
+        position
+            .coordinates
+            .iter()
+            .for_each(|value| sink.real(*value));
         sink.number(position.rotation_type.into(), 1);
     }
     for text in [&scan.device_name, &scan.comment] {

@@ -4,8 +4,8 @@
 //! - [`cola`] cuts a byte stream into telegrams, in either dialect, whatever the chunks
 //! - [`scandata`] reads one LMDscandata telegram, every field as sent; [`encode`] writes one
 //! - [`angles`] undoes the rounding of angles on the wire
-//! - [`replay`] turns telegrams into [`Scan`](crate::record::Scan) records: true angles, unwrapped
-//!   time, lost and repeated scans
+//! - [`scan`] turns one into a [`Scan`](crate::record::Scan) record; [`replay`] does so for a stream,
+//!   with unwrapped time, lost and repeated scans
 //! - [`arrivals`] the arrival times kept beside a recording
 //!
 //! The device counts angles from 0 deg at its right to 90 deg straight ahead, counter-clockwise
@@ -20,4 +20,5 @@ pub mod cola;
 pub mod encode;
 mod fields;
 pub mod replay;
+pub mod scan;
 pub mod scandata;
