@@ -3,6 +3,7 @@
 
 pub mod common;
 pub mod extract_lines;
+pub mod simulate;
 pub mod solve_pose;
 
 use crate::stream::{Fault, Outcome, exit};
