@@ -1,2 +1,34 @@
 //! The wiring of the nine tools: what each takes on its command line (`Args`) and how it joins
 //! streams to rooms (`run`). No mathematics and no bytes here.
+
+pub mod common;
+
+use crate::stream::{Fault, Outcome, exit};
+use std::process::ExitCode;
+
+/// Runs a tool: reads its command line, prints what went wrong as `name: message: cause` on stderr,
+/// and turns the outcome or the error into an exit status (see [`exit`]).
+pub fn main<A: clap::Parser>(
+    name: &'static str,
+    run: fn(A) -> anyhow::Result<Outcome>,
+) -> ExitCode {
+    let args = match A::try_parse() {
+        Ok(args) => args,
+        Err(usage) => {
+            // Help goes to stdout, whose reader may have left.
+            let _ = usage.print();
+            return ExitCode::from(u8::try_from(usage.exit_code()).unwrap_or(2));
+        }
+    };
+    match run(args) {
+        Ok(outcome) => exit::with_losses(outcome).status().into(),
+        Err(error) => {
+            let status = exit::status(&error);
+            let interrupted = matches!(error.downcast_ref(), Some(Fault::Interrupted(_)));
+            if status != 0 && !interrupted {
+                eprintln!("{name}: {error:#}");
+            }
+            status.into()
+        }
+    }
+}
