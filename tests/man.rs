@@ -48,12 +48,14 @@ impl Page {
     }
 
     fn render(&self) -> String {
-        let version = self.command.get_version().unwrap_or_default();
-        let man = Man::new(self.command.clone())
-            .source(format!("cablepose {version}"))
-            .manual("cablepose");
-        let mut text = Vec::new();
-        man.render_title(&mut text).unwrap();
+        let man = Man::new(self.command.clone());
+        // Not Man::render_title: it drops the empty date, and what follows moves up one place.
+        let mut text = format!(
+            ".TH \"{}\" \"1\" \"\" \"cablepose {}\" \"cablepose\"\n",
+            self.name(),
+            self.command.get_version().unwrap_or_default()
+        )
+        .into_bytes();
         man.render_name_section(&mut text).unwrap();
         man.render_synopsis_section(&mut text).unwrap();
         man.render_description_section(&mut text).unwrap();
