@@ -26,7 +26,14 @@ fn rows(dir: &Path, file: &str) -> usize {
 }
 
 /// Writes `to` as `from` with the field of a column in a row (1 is the first) changed.
-fn change(dir: &Path, from: &str, to: &str, row: usize, column: &str, with: impl Fn(&str) -> String) {
+fn change(
+    dir: &Path,
+    from: &str,
+    to: &str,
+    row: usize,
+    column: &str,
+    with: impl Fn(&str) -> String,
+) {
     let text = fs::read_to_string(dir.join(from)).unwrap();
     let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     let at = header.iter().position(|name| *name == column).unwrap();
@@ -40,7 +47,11 @@ fn change(dir: &Path, from: &str, to: &str, row: usize, column: &str, with: impl
 #[track_caller]
 fn assert_says(ended: &Ended, what: &[&str]) {
     for part in what {
-        assert!(ended.stderr.contains(part), "{part:?} not in: {}", ended.stderr);
+        assert!(
+            ended.stderr.contains(part),
+            "{part:?} not in: {}",
+            ended.stderr
+        );
     }
     assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
 }
@@ -53,7 +64,11 @@ fn a_truncated_row() {
         ("lines.csv", "solve-pose -f frame.toml"),
     ] {
         let text = fs::read(dir.join(file)).unwrap();
-        let whole_rows: usize = text.split_inclusive(|b| *b == b'\n').take(SCANS).map(<[u8]>::len).sum();
+        let whole_rows: usize = text
+            .split_inclusive(|b| *b == b'\n')
+            .take(SCANS)
+            .map(<[u8]>::len)
+            .sum();
         fs::write(dir.join("cut.csv"), &text[..whole_rows + 60]).unwrap();
         let good = sh(&dir, &format!("{tool} {file}")).expect(0);
         let cut = sh(&dir, &format!("{tool} cut.csv")).expect(65);
@@ -166,7 +181,11 @@ fn an_mcap_file_that_is_cut_off() {
     let cut = sh(&dir, "extract-lines -f frame.toml --format csv cut.mcap").expect(65);
     assert_says(&cut, &["extract-lines: cut.mcap"]);
     let kept = cut.rows().len();
-    assert!(kept > good.rows().len() / 3, "{kept} of {}", good.rows().len());
+    assert!(
+        kept > good.rows().len() / 3,
+        "{kept} of {}",
+        good.rows().len()
+    );
     assert_eq!(cut.rows(), good.rows()[..kept]);
 }
 

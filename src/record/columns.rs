@@ -43,6 +43,10 @@ pub trait Value: Clone + Default {
     fn to_wire(&self) -> Self::Wire;
     /// Back from the CDR form.
     fn from_wire(wire: Self::Wire) -> Self;
+    /// How many items a list has; none for a single value.
+    fn items(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// Sees each column of a record that is being written.
@@ -265,6 +269,9 @@ impl Value for Vec<f64> {
     fn from_wire(wire: Vec<f64>) -> Vec<f64> {
         wire
     }
+    fn items(&self) -> Option<usize> {
+        Some(self.len())
+    }
 }
 
 impl Value for Vec<f32> {
@@ -300,6 +307,9 @@ impl Value for Vec<f32> {
     fn from_wire(wire: Vec<f32>) -> Vec<f32> {
         wire
     }
+    fn items(&self) -> Option<usize> {
+        Some(self.len())
+    }
 }
 
 impl Value for Vec<i64> {
@@ -319,6 +329,9 @@ impl Value for Vec<i64> {
     }
     fn from_wire(wire: Vec<i64>) -> Vec<i64> {
         wire
+    }
+    fn items(&self) -> Option<usize> {
+        Some(self.len())
     }
 }
 

@@ -115,6 +115,9 @@ macro_rules! tokens {
             fn from_wire(wire: Vec<String>) -> Vec<$type> {
                 wire.iter().filter_map(|name| $type::from_name(name.as_bytes())).collect()
             }
+            fn items(&self) -> Option<usize> {
+                Some(self.len())
+            }
         }
     };
 }

@@ -279,6 +279,9 @@ impl Value for Ranges {
     fn from_wire(wire: Vec<f32>) -> Ranges {
         Ranges(wire.into_iter().map(f64::from).collect())
     }
+    fn items(&self) -> Option<usize> {
+        Some(self.0.len())
+    }
 }
 
 const FURTHER_RANGES: [&str; MAX_ECHOES - 1] =

@@ -2,14 +2,43 @@
 //! flush rule, the side inputs, the exit statuses.
 //!
 //! The only place that knows what `-` is, which encoding a stream has and when it is flushed. A
-//! tool gives [`filter`], [`source`] or [`read_all`] a closure and gets this behaviour with it:
+//! filter gives [`filter()`] its [`Stage`], a source writes to an [`Output`] until [`Stop`] asks it
+//! to end, a sink reads an [`Input`] or [`read_all`], and each gets this behaviour with it:
 //!
 //! - A record goes out as soon as it is complete when the input is live: before a read that may
 //!   block, everything written is flushed. While input is waiting, output is batched.
 //! - A consumer that left (a closed pipe) ends a tool quietly with status 0.
 //! - `-o NAME` writes `NAME.partial` and renames it at the end.
+//! - A bad record names file, line and column and ends the tool with status 65, everything before
+//!   it written; `--skip-bad` counts and skips it. [`exit`] has the other statuses.
+//! - The first SIGINT ends a source in good order, and a filter only when the end has come through.
 
-use crate::record::{Record, Stamp};
+mod check;
+mod csv;
+pub mod exit;
+mod filter;
+mod flow;
+mod input;
+mod kinds;
+mod mcap;
+mod output;
+mod progress;
+mod provenance;
+mod ros2;
+mod side;
+pub mod viewer;
+mod window;
+
+pub use check::{BadField, StreamRecord};
+pub use exit::Fault;
+pub use filter::{Emit, Stage, filter};
+pub use flow::Stop;
+pub use input::{Input, read_all};
+pub use output::Output;
+pub use provenance::Provenance;
+pub use side::SideInput;
+
+use crate::record::Stamp;
 use std::path::PathBuf;
 
 /// The two encodings of a stream.

@@ -1,6 +1,6 @@
 //! Wiring of `imu-read`. Not built yet: it says what it will do and ends with status 69.
 
-use crate::stream::Outcome;
+use crate::stream::{Fault, Outcome};
 use std::ffi::OsString;
 
 const PLAN: &str = "\
@@ -29,5 +29,5 @@ pub struct Args {
 /// # Errors
 /// Always: the tool is unavailable (status 69).
 pub fn run(_args: Args) -> anyhow::Result<Outcome> {
-    super::not_built(PLAN)
+    Err(Fault::Unavailable(format!("not built yet. {PLAN}")).into())
 }

@@ -2,27 +2,37 @@
 //! streams to rooms (`run`). No mathematics and no bytes here.
 
 pub mod ads_push;
+pub mod common;
 pub mod compensate_delay;
 pub mod imu_read;
 pub mod timesync;
 
-use crate::stream::Outcome;
+use crate::stream::{Fault, Outcome, exit};
+use std::process::ExitCode;
 
-/// A tool that is not built yet: `plan` is what it will do.
-fn not_built(plan: &str) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built yet. {plan}")
-}
-
-/// Parses the command line, runs the tool and maps how it ended to the exit status.
+/// Runs a tool: reads its command line, prints what went wrong as `name: message: cause` on stderr,
+/// and turns the outcome or the error into an exit status (see [`exit`]).
 pub fn main<A: clap::Parser>(
     name: &'static str,
     run: fn(A) -> anyhow::Result<Outcome>,
-) -> std::process::ExitCode {
-    match run(A::parse()) {
-        Ok(_) => std::process::ExitCode::SUCCESS,
+) -> ExitCode {
+    let args = match A::try_parse() {
+        Ok(args) => args,
+        Err(usage) => {
+            // Help goes to stdout, whose reader may have left.
+            let _ = usage.print();
+            return ExitCode::from(u8::try_from(usage.exit_code()).unwrap_or(2));
+        }
+    };
+    match run(args) {
+        Ok(outcome) => exit::with_losses(outcome).status().into(),
         Err(error) => {
-            eprintln!("{name}: {error:#}");
-            std::process::ExitCode::from(69)
+            let status = exit::status(&error);
+            let interrupted = matches!(error.downcast_ref(), Some(Fault::Interrupted(_)));
+            if status != 0 && !interrupted {
+                eprintln!("{name}: {error:#}");
+            }
+            status.into()
         }
     }
 }

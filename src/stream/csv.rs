@@ -1,0 +1,291 @@
+//! CSV: RFC 4180, a header row, columns found by name.
+//!
+//! The columns are those that a record shows its visitors. A reader takes them in any order, passes
+//! over columns it does not know, and refuses a header without a required one. A list is one field
+//! with single spaces between its items. Lines that start with `#` are passed over.
+
+use super::check::{BadField, ListLengths, StreamRecord};
+use super::exit::Fault;
+use super::kinds;
+use crate::record::{Presence, Record, Value, Visit, VisitMut};
+use csv::ByteRecord;
+use std::convert::Infallible;
+use std::io::{Read, Write};
+
+/// A read takes what a pipe holds at once.
+const BUFFER: usize = 1 << 16;
+
+/// Why a row gave no record.
+pub(super) enum RowError {
+    /// The row is bad; the next one may not be.
+    Bad(Fault),
+    /// Nothing more can be read.
+    Fatal(anyhow::Error),
+}
+
+/// Reads one kind of record.
+pub(super) struct CsvReader<R> {
+    reader: csv::Reader<Box<dyn Read>>,
+    name: String,
+    row: ByteRecord,
+    header_fields: usize,
+    /// Where each of the record's columns stands in a row.
+    fields: Vec<Option<usize>>,
+    record: R,
+}
+
+impl<R: StreamRecord> CsvReader<R> {
+    /// Reads the header row; `name` is the file's in messages.
+    pub(super) fn new(input: Box<dyn Read>, name: &str) -> anyhow::Result<Self> {
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .comment(Some(b'#'))
+            .buffer_capacity(BUFFER)
+            .from_reader(input);
+        let mut header = ByteRecord::new();
+        if !reader.read_byte_record(&mut header)? {
+            return Err(Fault::BadData(format!(
+                "{name}: empty: a {} stream starts with a header row",
+                R::KIND
+            ))
+            .into());
+        }
+        Ok(CsvReader {
+            fields: find_columns::<R>(&header).map_err(|why| {
+                let line = header.position().map_or(1, csv::Position::line);
+                Fault::BadData(format!("{name}:{line}: {why}"))
+            })?,
+            header_fields: header.len(),
+            name: name.to_owned(),
+            reader,
+            row: header,
+            record: R::default(),
+        })
+    }
+
+    /// Reads the next row; false at the end.
+    pub(super) fn advance(&mut self) -> Result<bool, RowError> {
+        match self.reader.read_byte_record(&mut self.row) {
+            Ok(true) => {}
+            Ok(false) => return Ok(false),
+            Err(error) => return Err(RowError::Fatal(error.into())),
+        }
+        match self.fill() {
+            Ok(()) => Ok(true),
+            Err(bad) => {
+                let line = self.row.position().map_or(0, csv::Position::line);
+                Err(RowError::Bad(Fault::BadData(format!(
+                    "{}:{line}: {bad}",
+                    self.name
+                ))))
+            }
+        }
+    }
+
+    /// The record of the last row read.
+    pub(super) fn record(&self) -> &R {
+        &self.record
+    }
+
+    fn fill(&mut self) -> Result<(), BadField> {
+        if self.row.len() != self.header_fields {
+            return Err(BadField::row(format!(
+                "{} fields where the header has {}",
+                self.row.len(),
+                self.header_fields
+            )));
+        }
+        let mut fill = FillRow {
+            row: &self.row,
+            fields: self.fields.iter(),
+            lists: ListLengths::new(R::PARALLEL_LISTS),
+        };
+        self.record.visit_mut(&mut fill)?;
+        self.record.check()
+    }
+}
+
+/// Puts a row's fields into a record. A column that the header lacks keeps its default.
+struct FillRow<'a> {
+    row: &'a ByteRecord,
+    fields: std::slice::Iter<'a, Option<usize>>,
+    lists: ListLengths,
+}
+
+impl VisitMut for FillRow<'_> {
+    type Error = BadField;
+
+    fn column<T: Value>(
+        &mut self,
+        name: &'static str,
+        presence: Presence,
+        value: &mut T,
+    ) -> Result<(), BadField> {
+        let Some(&Some(field)) = self.fields.next() else {
+            return Ok(());
+        };
+        let text = self.row.get(field).unwrap_or_default();
+        value
+            .parse_text(text)
+            .map_err(|error| BadField::text(name, &error, text))?;
+        self.lists.see(name, presence, value)
+    }
+}
+
+/// Where each column of a record stands in the header.
+fn find_columns<R: Record>(header: &ByteRecord) -> Result<Vec<Option<usize>>, String> {
+    let mut fields = Vec::new();
+    let mut missing = Vec::new();
+    for (name, presence) in kinds::columns::<R>() {
+        let mut places = (0..header.len()).filter(|i| header.get(*i) == Some(name.as_bytes()));
+        let place = places.next();
+        if places.next().is_some() {
+            return Err(format!("column {name} is there twice"));
+        }
+        if place.is_none() && presence == Presence::Required {
+            missing.push(name);
+        }
+        fields.push(place);
+    }
+    if missing.is_empty() {
+        return Ok(fields);
+    }
+    let names: Vec<String> = header
+        .iter()
+        .map(|name| String::from_utf8_lossy(name).into_owned())
+        .collect();
+    let columns = if missing.len() == 1 {
+        format!("column {} missing", missing[0])
+    } else {
+        format!("columns {} missing", missing.join(", "))
+    };
+    Err(match kinds::of_header(&names) {
+        Some(kind) if kind != R::KIND => {
+            format!(
+                "this is a {kind} stream, a {} stream is wanted: {columns}",
+                R::KIND
+            )
+        }
+        _ => format!("{columns} (wanted for a {} stream)", R::KIND),
+    })
+}
+
+/// Writes one kind of record.
+pub(super) struct CsvWriter<W: Write> {
+    writer: csv::Writer<W>,
+    /// Whether each of the record's columns is in the header; empty before the first record.
+    present: Vec<bool>,
+    kind: Option<&'static str>,
+    text: Vec<u8>,
+}
+
+impl<W: Write> CsvWriter<W> {
+    pub(super) fn new(output: W) -> Self {
+        CsvWriter {
+            writer: csv::WriterBuilder::new()
+                .buffer_capacity(BUFFER)
+                .flexible(true)
+                .from_writer(output),
+            present: Vec::new(),
+            kind: None,
+            text: Vec::new(),
+        }
+    }
+
+    /// Writes a row, and the header before the first one: its [`Presence::Extra`] columns are those
+    /// for which the first record has a value.
+    pub(super) fn write<R: Record>(&mut self, record: &R) -> anyhow::Result<()> {
+        match self.kind {
+            None => self.header(record)?,
+            Some(kind) if kind == R::KIND => {}
+            Some(kind) => {
+                return Err(Fault::Usage(format!(
+                    "a CSV stream carries one kind of record, this one {kind}: {} needs a file of \
+                     its own or --format mcap",
+                    R::KIND
+                ))
+                .into());
+            }
+        }
+        self.text.clear();
+        record.visit(&mut WriteRow {
+            writer: &mut self.writer,
+            present: self.present.iter(),
+            text: &mut self.text,
+        })?;
+        self.writer.write_record(None::<&[u8]>)?;
+        Ok(())
+    }
+
+    /// Writes the header of a stream that turned out to have no records.
+    pub(super) fn write_empty<R: Record>(&mut self) -> anyhow::Result<()> {
+        if self.kind.is_none() {
+            self.header(&R::default())?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn flush(&mut self) -> std::io::Result<()> {
+        self.writer.flush()
+    }
+
+    fn header<R: Record>(&mut self, first: &R) -> anyhow::Result<()> {
+        struct Choose<'a>(&'a mut Vec<bool>, Vec<&'static str>);
+        impl Visit for Choose<'_> {
+            type Error = Infallible;
+            fn column<T: Value>(
+                &mut self,
+                name: &'static str,
+                presence: Presence,
+                value: &T,
+            ) -> Result<(), Infallible> {
+                let present = presence != Presence::Extra || !value.is_missing();
+                self.0.push(present);
+                if present {
+                    self.1.push(name);
+                }
+                Ok(())
+            }
+        }
+        let mut choose = Choose(&mut self.present, Vec::new());
+        let Ok(()) = first.visit(&mut choose);
+        self.writer.write_record(choose.1)?;
+        self.kind = Some(R::KIND);
+        Ok(())
+    }
+}
+
+struct WriteRow<'a, W: Write> {
+    writer: &'a mut csv::Writer<W>,
+    present: std::slice::Iter<'a, bool>,
+    text: &'a mut Vec<u8>,
+}
+
+impl<W: Write> Visit for WriteRow<'_, W> {
+    type Error = anyhow::Error;
+
+    fn column<T: Value>(
+        &mut self,
+        name: &'static str,
+        _: Presence,
+        value: &T,
+    ) -> anyhow::Result<()> {
+        if self.present.next().copied().unwrap_or(false) {
+            self.text.clear();
+            value.push_text(self.text);
+            self.writer.write_field(&self.text)?;
+        } else if !value.is_missing() {
+            return Err(Fault::BadData(format!(
+                "column {name} has a value here but had none in the first record, which made the \
+                 header; MCAP (--format mcap) takes both"
+            ))
+            .into());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[path = "csv_tests.rs"]
+mod tests;

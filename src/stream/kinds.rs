@@ -1,0 +1,78 @@
+//! What each kind of record looks like from outside, to tell a person which one a file holds.
+
+use crate::record::{
+    ClockExchange, ImuSample, Pose, Presence, Record, ReflectorLines, Scan, Segment,
+    TrajectoryPoint, Value, Visit,
+};
+use std::convert::Infallible;
+
+/// The columns of a kind of record, in order.
+pub(super) fn columns<R: Record>() -> Vec<(&'static str, Presence)> {
+    struct List(Vec<(&'static str, Presence)>);
+    impl Visit for List {
+        type Error = Infallible;
+        fn column<T: Value>(
+            &mut self,
+            name: &'static str,
+            presence: Presence,
+            _: &T,
+        ) -> Result<(), Infallible> {
+            self.0.push((name, presence));
+            Ok(())
+        }
+    }
+    let mut list = List(Vec::new());
+    let Ok(()) = R::default().visit(&mut list);
+    list.0
+}
+
+/// The kind whose required columns are all there and that knows the most of the others.
+pub(super) fn of_header(names: &[String]) -> Option<&'static str> {
+    [
+        rank::<Scan>(names),
+        rank::<ReflectorLines>(names),
+        rank::<Segment>(names),
+        rank::<Pose>(names),
+        rank::<TrajectoryPoint>(names),
+        rank::<ImuSample>(names),
+        rank::<ClockExchange>(names),
+    ]
+    .into_iter()
+    .flatten()
+    .max_by_key(|(_, known)| *known)
+    .map(|(kind, _)| kind)
+}
+
+fn rank<R: Record>(names: &[String]) -> Option<(&'static str, usize)> {
+    let has = |column: &str| names.iter().any(|name| name == column);
+    let columns = columns::<R>();
+    columns
+        .iter()
+        .all(|(name, presence)| *presence != Presence::Required || has(name))
+        .then(|| {
+            let known = columns.iter().filter(|(name, _)| has(name)).count();
+            (R::KIND, known)
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kind_of<R: Record>() -> Option<&'static str> {
+        let names: Vec<String> = columns::<R>().iter().map(|(n, _)| n.to_string()).collect();
+        of_header(&names)
+    }
+
+    #[test]
+    fn every_kind_is_told_from_the_others() {
+        assert_eq!(kind_of::<Scan>(), Some("scan"));
+        assert_eq!(kind_of::<ReflectorLines>(), Some("lines"));
+        assert_eq!(kind_of::<Segment>(), Some("segment"));
+        assert_eq!(kind_of::<Pose>(), Some("pose"));
+        assert_eq!(kind_of::<TrajectoryPoint>(), Some("trajectory"));
+        assert_eq!(kind_of::<ImuSample>(), Some("imu"));
+        assert_eq!(kind_of::<ClockExchange>(), Some("clock"));
+        assert_eq!(of_header(&["time".to_owned()]), None);
+    }
+}

@@ -1,0 +1,256 @@
+//! Where records go: stdout or a file, in one of the two encodings.
+
+use super::check::StreamRecord;
+use super::csv::CsvWriter;
+use super::exit::{self, Fault};
+use super::flow::{self, BeforeWait};
+use super::mcap::McapWriter;
+use super::{Encoding, Options, Role};
+use crate::record::TrajectoryPoint;
+use std::cell::RefCell;
+use std::fs::{self, File};
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// An output stream: stdout or `-o`.
+///
+/// A file is written as `NAME.partial` and gets its name in [`Output::finish`]; a program that is
+/// cut off leaves the partial file with what it had. What is not a regular file (a FIFO,
+/// `/dev/null`) is written in place.
+pub struct Output {
+    core: Rc<RefCell<Core>>,
+    encoding: Encoding,
+}
+
+struct Core {
+    encoder: Encoder,
+    rename: Option<Rename>,
+    records: u64,
+}
+
+enum Encoder {
+    Csv(CsvWriter<Target>),
+    Mcap(Box<McapWriter<Target>>),
+}
+
+struct Rename {
+    from: PathBuf,
+    to: PathBuf,
+}
+
+/// A file or stdout whose errors name it.
+pub(super) struct Target {
+    inner: Box<dyn Write>,
+    name: String,
+}
+
+impl Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.inner
+            .write(bytes)
+            .map_err(|error| flow::named(&self.name, error))
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner
+            .flush()
+            .map_err(|error| flow::named(&self.name, error))
+    }
+}
+
+impl Output {
+    /// Opens the main output of a source: `-o` or stdout, in `--format` or CSV.
+    pub fn open(options: &Options) -> anyhow::Result<Output> {
+        Output::open_as(options, options.format.unwrap_or(Encoding::Csv))
+    }
+
+    /// Opens the main output in an encoding.
+    pub(super) fn open_as(options: &Options, encoding: Encoding) -> anyhow::Result<Output> {
+        match &options.output {
+            Some(path) if path != Path::new("-") => Output::create(path, encoding, options),
+            _ => {
+                if encoding == Encoding::Mcap && io::stdout().is_terminal() {
+                    return Err(Fault::Usage(
+                        "MCAP is binary and stdout a terminal: redirect it or give -o FILE".into(),
+                    )
+                    .into());
+                }
+                // `Stdout` has a line buffer of its own; the file descriptor has not.
+                let target = Target {
+                    inner: Box::new(stdout_unbuffered()),
+                    name: "stdout".to_owned(),
+                };
+                Output::new(target, encoding, options, None)
+            }
+        }
+    }
+
+    /// Creates a further output file (`--truth FILE`).
+    pub fn create(path: &Path, encoding: Encoding, options: &Options) -> anyhow::Result<Output> {
+        let in_place = fs::metadata(path).is_ok_and(|found| !found.is_file());
+        let (create, rename) = if in_place {
+            (path.to_owned(), None)
+        } else {
+            let mut partial = path.as_os_str().to_owned();
+            partial.push(".partial");
+            let from = PathBuf::from(partial);
+            let rename = Rename {
+                from: from.clone(),
+                to: path.to_owned(),
+            };
+            (from, Some(rename))
+        };
+        let file = File::create(&create)
+            .map_err(|error| flow::named(&create.display().to_string(), error))?;
+        let target = Target {
+            inner: Box::new(file),
+            name: path.display().to_string(),
+        };
+        Output::new(target, encoding, options, rename)
+    }
+
+    fn new(
+        target: Target,
+        encoding: Encoding,
+        options: &Options,
+        rename: Option<Rename>,
+    ) -> anyhow::Result<Output> {
+        let encoder = match encoding {
+            Encoding::Csv => Encoder::Csv(CsvWriter::new(target)),
+            Encoding::Mcap => Encoder::Mcap(Box::new(McapWriter::new(
+                target,
+                rename.is_some(),
+                options,
+            )?)),
+        };
+        let core = Rc::new(RefCell::new(Core {
+            encoder,
+            rename,
+            records: 0,
+        }));
+        flow::register(&core);
+        Ok(Output { core, encoding })
+    }
+
+    /// The encoding of this output.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// How many records have been written.
+    pub fn records(&self) -> u64 {
+        self.core.borrow().records
+    }
+
+    /// Writes a record. In CSV the first one fixes the stream's kind.
+    pub fn write<R: StreamRecord>(&mut self, record: &R) -> anyhow::Result<()> {
+        self.put(record, Role::Desired)
+    }
+
+    /// Writes a point of the true or the desired trajectory.
+    pub fn write_trajectory(&mut self, role: Role, point: &TrajectoryPoint) -> anyhow::Result<()> {
+        self.put(point, role)
+    }
+
+    pub(super) fn put<R: StreamRecord>(&self, record: &R, role: Role) -> anyhow::Result<()> {
+        let mut core = self.core.borrow_mut();
+        core.records += 1;
+        match &mut core.encoder {
+            Encoder::Csv(csv) => csv.write(record),
+            Encoder::Mcap(mcap) => mcap.write(record, role),
+        }
+        .map_err(unhide)
+    }
+
+    /// Calls `use_mcap` with the MCAP writer, if this is one.
+    pub(super) fn with_mcap(
+        &self,
+        use_mcap: impl FnOnce(&mut McapWriter<Target>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        match &mut self.core.borrow_mut().encoder {
+            Encoder::Csv(_) => Ok(()),
+            Encoder::Mcap(mcap) => use_mcap(mcap).map_err(unhide),
+        }
+    }
+
+    /// Lets everything written so far go out. Inputs do this by themselves before they wait; a
+    /// source does it before it sleeps.
+    pub fn flush(&mut self) -> anyhow::Result<()> {
+        self.core.borrow_mut().flush().map_err(unhide)
+    }
+
+    /// Ends the stream and gives the file its name.
+    pub fn finish(self) -> anyhow::Result<()> {
+        self.end()?;
+        match self.core.borrow_mut().rename.take() {
+            Some(Rename { from, to }) => fs::rename(&from, &to)
+                .map_err(|error| flow::named(&to.display().to_string(), error).into()),
+            None => Ok(()),
+        }
+    }
+
+    /// Ends a stream of one kind, which may have had no records, and gives the file its name.
+    pub(super) fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
+        if let Encoder::Csv(csv) = &mut self.core.borrow_mut().encoder {
+            csv.write_empty::<R>().map_err(unhide)?;
+        }
+        self.finish()
+    }
+
+    /// Ends the stream's bytes; a file keeps its partial name, because something went wrong.
+    pub(super) fn end(&self) -> anyhow::Result<()> {
+        let mut core = self.core.borrow_mut();
+        match &mut core.encoder {
+            Encoder::Csv(csv) => csv.flush().map_err(anyhow::Error::from),
+            Encoder::Mcap(mcap) => mcap.finish(),
+        }
+        .map_err(unhide)
+    }
+}
+
+impl Core {
+    fn flush(&mut self) -> anyhow::Result<()> {
+        match &mut self.encoder {
+            Encoder::Csv(csv) => Ok(csv.flush()?),
+            Encoder::Mcap(mcap) => mcap.flush(),
+        }
+    }
+}
+
+impl BeforeWait for Core {
+    fn before_wait(&mut self) -> io::Result<()> {
+        let result = match &mut self.encoder {
+            Encoder::Csv(csv) => return csv.flush(),
+            Encoder::Mcap(mcap) => mcap.before_wait(),
+        };
+        result.map_err(|error| match unhide(error).downcast::<io::Error>() {
+            Ok(io) => io,
+            Err(other) => io::Error::other(other),
+        })
+    }
+}
+
+/// The I/O error that a format's error hides, without the format's words around it.
+fn unhide(error: anyhow::Error) -> anyhow::Error {
+    match error.chain().find_map(exit::io_error) {
+        Some(io) => io::Error::new(io.kind(), io.to_string()).into(),
+        None => error,
+    }
+}
+
+/// Stdout without the line buffer that `std::io::Stdout` puts before it.
+#[cfg(unix)]
+fn stdout_unbuffered() -> impl Write {
+    use std::os::fd::AsFd;
+    // A duplicate, so that closing it leaves descriptor 1 open.
+    match io::stdout().as_fd().try_clone_to_owned() {
+        Ok(fd) => Box::new(File::from(fd)) as Box<dyn Write>,
+        Err(_) => Box::new(io::stdout()),
+    }
+}
+
+/// Stdout; each of our large writes ends with a flush.
+#[cfg(not(unix))]
+fn stdout_unbuffered() -> impl Write {
+    io::stdout()
+}

@@ -1,0 +1,147 @@
+//! Arguments that all tools share, with one meaning everywhere.
+
+use crate::frame::Frame;
+use crate::record::Stamp;
+use crate::stream::{Encoding, Instant, Options, Window};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Where a tool's records go, and how its streams are read and written.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Streams")]
+pub struct CommonArgs {
+    /// Write to FILE (as FILE.partial, renamed at the end) instead of stdout
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Encoding of the output [default: the input's; csv for a source]
+    #[arg(long, value_name = "FORMAT", value_parser = parse_encoding)]
+    pub format: Option<Encoding>,
+    /// Encoding of the input [default: told from its first byte]
+    #[arg(long, value_name = "FORMAT", value_parser = parse_encoding)]
+    pub input_format: Option<Encoding>,
+    /// Count and skip bad records instead of ending with status 65
+    #[arg(long)]
+    pub skip_bad: bool,
+    /// Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
+    pub from: Option<Instant>,
+    /// Leave out records after TIME
+    #[arg(long, value_name = "TIME", value_parser = parse_instant)]
+    pub to: Option<Instant>,
+    /// No progress bar and no remarks
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Say at the end how many records came and went
+    #[arg(short, long, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+}
+
+impl CommonArgs {
+    /// The stream options of the tool of this name.
+    pub fn options(&self, tool: &'static str) -> anyhow::Result<Options> {
+        Ok(Options {
+            tool,
+            output: self.output.clone(),
+            format: self.format,
+            input_format: self.input_format,
+            skip_bad: self.skip_bad,
+            window: Window {
+                from: self.from,
+                to: self.to,
+            },
+            quiet: self.quiet,
+            verbose: self.verbose,
+            seed: None,
+            configuration: None,
+        })
+    }
+}
+
+/// The frame file.
+#[derive(Clone, Debug, clap::Args)]
+pub struct FrameArg {
+    /// Frame file: the box, its reflectors and the mountings
+    #[arg(short, long, value_name = "FILE")]
+    pub frame: PathBuf,
+}
+
+impl FrameArg {
+    /// The checked frame and the file's text; a fault ends the tool with status 78.
+    pub fn read(&self) -> anyhow::Result<(Frame, String)> {
+        let frame = Frame::read(&self.frame)?;
+        let text = std::fs::read_to_string(&self.frame)?;
+        Ok((frame, text))
+    }
+}
+
+fn parse_encoding(text: &str) -> Result<Encoding, String> {
+    match text {
+        "csv" => Ok(Encoding::Csv),
+        "mcap" => Ok(Encoding::Mcap),
+        _ => Err("csv or mcap is wanted".to_owned()),
+    }
+}
+
+fn parse_instant(text: &str) -> Result<Instant, String> {
+    if let Some(after) = text.strip_prefix('+') {
+        return parse_duration(after).map(|span| Instant::After(span.as_secs_f64()));
+    }
+    text.parse()
+        .map(|ns| Instant::At(Stamp::from_ns(ns)))
+        .map_err(|_| {
+            "nanoseconds since the epoch are wanted, or a time after the first record such as +10s"
+                .to_owned()
+        })
+}
+
+/// Reads a span of time with its unit: `62ms`, `30s`, `1.5us`, `100ns`, `2min`, `1h`; for clap's
+/// `value_parser`.
+pub fn parse_duration(text: &str) -> Result<Duration, String> {
+    const UNITS: [(&str, f64); 6] = [
+        ("ns", 1e-9),
+        ("us", 1e-6),
+        ("ms", 1e-3),
+        ("min", 60.0),
+        ("h", 3600.0),
+        ("s", 1.0),
+    ];
+    let wanted = || "a time with its unit is wanted: ns, us, ms, s, min or h".to_owned();
+    let (number, unit_s) = UNITS
+        .iter()
+        .find_map(|(unit, unit_s)| Some((text.strip_suffix(unit)?, unit_s)))
+        .ok_or_else(wanted)?;
+    let number: f64 = number.trim_end().parse().map_err(|_| wanted())?;
+    Duration::try_from_secs_f64(number * unit_s).map_err(|_| wanted())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_a_unit() {
+        assert_eq!(parse_duration("62ms"), Ok(Duration::from_millis(62)));
+        assert_eq!(parse_duration("30s"), Ok(Duration::from_secs(30)));
+        assert_eq!(parse_duration("1.5us"), Ok(Duration::from_nanos(1500)));
+        assert_eq!(parse_duration("100ns"), Ok(Duration::from_nanos(100)));
+        assert_eq!(parse_duration("2 min"), Ok(Duration::from_secs(120)));
+        assert_eq!(parse_duration("1h"), Ok(Duration::from_secs(3600)));
+        for text in ["", "5", "s", "-1s", "xs", "infs", "1e30s", "nans"] {
+            assert!(parse_duration(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn instants_are_absolute_or_relative() {
+        assert_eq!(parse_instant("12"), Ok(Instant::At(Stamp::from_ns(12))));
+        assert_eq!(parse_instant("+10s"), Ok(Instant::After(10.0)));
+        assert!(parse_instant("10s").is_err());
+        assert!(parse_instant("+10").is_err());
+    }
+
+    #[test]
+    fn encodings_have_names() {
+        assert_eq!(parse_encoding("mcap"), Ok(Encoding::Mcap));
+        assert!(parse_encoding("tum").is_err());
+    }
+}
