@@ -6,6 +6,7 @@ use crate::record::{Scan, Stamp};
 use crate::sick::arrivals::{Arrivals, parse_seconds_ns};
 use crate::sick::cola::{Event, Framer, Skipped, Telegram};
 use crate::sick::replay::{Replay, Settings};
+use crate::sick::scan;
 use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Bytes, Fault, Options, Outcome, Output, Place, Stop, WindowState};
 use anyhow::Context;
@@ -16,6 +17,9 @@ use std::path::{Path, PathBuf};
 
 /// The tool's name.
 const NAME: &str = "scan-capture";
+
+/// Bytes read at a time.
+const CHUNK: usize = 1 << 16;
 
 const LONG_ABOUT: &str = "\
 Decodes the byte stream of a SICK LMS5xx, LMS1xx or TiM, recorded as the device sent it, to scan \
@@ -43,12 +47,12 @@ they are counted and skipped (status 3). A recording that starts or ends in mid-
 that is said on stderr.";
 
 const EXAMPLES: &str = "\
-Examples:
+EXAMPLES:
   scan-capture --replay run.cola > scans.csv
-  scan-capture --replay run.cola | extract-lines --method split-and-merge
+  scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
   scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  scan-capture --replay run.cola --epoch \"$(date -d 2021-03-02T10:15Z +%s)\" > scans.csv
-  nc -d scanner.local 2112 | scan-capture --replay - | head -n 2";
+  scan-capture --replay run.cola --epoch 1614680100.5 --from +1s > late.csv
+  cat run.cola | scan-capture --replay - | head -n 2";
 
 /// Records scans from a SICK laser scanner (for now: from a recorded byte stream)
 #[derive(Clone, Debug, clap::Parser)]
@@ -100,6 +104,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     } else {
         find_arrivals(recording, args.times.as_deref())?
     };
+    let like = widest_scan(recording);
     let bytes = Bytes::open(Some(recording), &options)?;
     let mut decoding = Decoding {
         name: bytes.name().to_owned(),
@@ -112,6 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         surplus: 0,
         passed_end: false,
         arrivals,
+        like,
         options,
     };
     decoding.run(bytes)
@@ -148,6 +154,37 @@ fn find_arrivals(recording: &Path, asked: Option<&Path>) -> anyhow::Result<Optio
     Ok(Some(arrivals))
 }
 
+/// A scan that has a value in every column in which one of the recording's scans has, so that
+/// scans of several devices fit one CSV; none for a stream, which cannot be read twice, where the
+/// first scan decides.
+fn widest_scan(recording: &Path) -> Option<Scan> {
+    let mut file = File::open(recording).ok()?;
+    if recording == Path::new("-") || !file.metadata().ok()?.is_file() {
+        return None;
+    }
+    let mut framer = Framer::new();
+    let mut telegram = LmdScandata::default();
+    let mut replay = Replay::new(Settings::default());
+    let mut like = None;
+    let mut chunk = vec![0; CHUNK];
+    loop {
+        let length = file.read(&mut chunk).ok()?;
+        framer.feed(chunk.get(..length)?);
+        while let Some(event) = framer.next() {
+            if let Event::Telegram(found) = event
+                && scandata::is_scan(&found)
+                && telegram.parse(&found).is_ok()
+                && let Ok(Some(scan)) = replay.push(&telegram, None)
+            {
+                scan::widen(like.get_or_insert_with(|| scan.clone()), scan);
+            }
+        }
+        if length == 0 {
+            return like;
+        }
+    }
+}
+
 /// A recording on its way to records.
 struct Decoding {
     options: Options,
@@ -157,6 +194,8 @@ struct Decoding {
     replay: Replay,
     telegram: LmdScandata,
     arrivals: Option<Arrivals>,
+    /// A scan with all columns that the recording will need, where it can be read in advance.
+    like: Option<Scan>,
     /// Telegrams that carry no scan, by verb and name.
     others: BTreeMap<String, u64>,
     faults: u64,
@@ -169,7 +208,7 @@ impl Decoding {
     fn run(&mut self, mut bytes: Bytes) -> anyhow::Result<Outcome> {
         let stop = Stop::install()?;
         let mut framer = Framer::new();
-        let mut chunk = vec![0; 1 << 16];
+        let mut chunk = vec![0; CHUNK];
         while !self.passed_end && !stop.requested() {
             let length = bytes.read(&mut chunk)?;
             framer.feed(chunk.get(..length).unwrap_or_default());
@@ -205,7 +244,12 @@ impl Decoding {
             Ok(Some(scan)) => {
                 self.surplus += u64::from(self.telegram.surplus > 0);
                 match (self.window.place(scan.stamp), &mut self.output) {
-                    (Place::Inside, Some(output)) => output.write(scan)?,
+                    (Place::Inside, Some(output)) => {
+                        if let Some(like) = self.like.take() {
+                            output.columns_like(&like)?;
+                        }
+                        output.write(scan)?;
+                    }
                     (Place::After, _) => self.passed_end = true,
                     _ => {}
                 }
@@ -239,16 +283,18 @@ impl Decoding {
     }
 
     fn finish(&mut self, framer: &Framer) -> anyhow::Result<Outcome> {
+        if framer.telegrams() == 0 && self.faults == 0 {
+            let text = match framer.bytes() {
+                0 => format!("{}: empty", self.name),
+                bytes => format!("{}: no telegram in {bytes} bytes", self.name),
+            };
+            return Err(Fault::BadData(text).into());
+        }
         if let Some(output) = self.output.take() {
             output.finish_kind::<Scan>()?;
         }
         let counts = self.replay.counts();
         self.remark_counts();
-        if framer.telegrams() == 0 && self.faults == 0 {
-            let bytes = framer.bytes();
-            let text = format!("{}: no telegram in {bytes} bytes", self.name);
-            return Err(Fault::BadData(text).into());
-        }
         if self.faults > 0 {
             eprintln!("{NAME}: {}: {} bad pieces skipped", self.name, self.faults);
             return Ok(Outcome::Degraded);
@@ -284,8 +330,13 @@ impl Decoding {
             self.remark(&format!(
                 "{name}: {scans} scans, {flagged} with a device status"
             ));
-            for (other, count) in &self.others {
-                self.remark(&format!("{name}: {count} {other} passed over"));
+            let others: Vec<String> = self
+                .others
+                .iter()
+                .map(|(other, count)| format!("{count} {other}"))
+                .collect();
+            if !others.is_empty() {
+                self.remark(&format!("{name}: passed over: {}", others.join(", ")));
             }
         }
     }
