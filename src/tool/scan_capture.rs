@@ -51,7 +51,7 @@ EXAMPLES:
   scan-capture --replay run.cola > scans.csv
   scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
   scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  scan-capture --replay run.cola --epoch 1614680100.5 --from +1s > late.csv
+  scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
   cat run.cola | scan-capture --replay - | head -n 2";
 
 /// Records scans from a SICK laser scanner (for now: from a recorded byte stream)
