@@ -19,6 +19,14 @@ const HIT_MIN_M: f64 = 0.020;
 /// A gap is at least this share of the way to the surface behind.
 const GAP_SHARE: f64 = 0.85;
 
+/// A gap beam beside a hit is a mixed pixel if it falls short of where its neighbours further in
+/// put the surface behind by more than this many sigma, and at least this, m.
+const SHORT_SIGMA: f64 = 4.0;
+const SHORT_MIN_M: f64 = 0.030;
+/// A mixed pixel's range is pulled out of both tolerances only if its spot covers both surfaces by
+/// some per cent; then its centre is within this many spot radii of the edge.
+const MIXED_REACH: f64 = 0.85;
+
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Beam {
@@ -38,7 +46,11 @@ pub struct EdgeMeter {
     frame: Frame,
     beams: BeamTable,
     states: Vec<Beam>,
+    /// How far behind the face's line a beam went, and the surface behind is, m.
+    behind_m: Vec<(f64, f64)>,
     found: Vec<Edge>,
+    /// First and last mixed pixel within each found edge's interval.
+    mixed: Vec<Option<(usize, usize)>>,
     association: Association,
 }
 
@@ -49,7 +61,9 @@ impl EdgeMeter {
             frame: frame.clone(),
             beams: BeamTable::default(),
             states: Vec::new(),
+            behind_m: Vec::new(),
             found: Vec::new(),
+            mixed: Vec::new(),
             association: Association::new(frame),
         }
     }
@@ -58,6 +72,7 @@ impl EdgeMeter {
     pub fn measure(&mut self, scan: &Scan, lines: &mut ReflectorLines) {
         self.beams.fit(scan);
         self.found.clear();
+        self.mixed.clear();
         let faces = [Face::Right, Face::Upper, Face::Left];
         for (k, face) in faces.into_iter().enumerate() {
             if lines.lines()[k].is_seen() && self.frame.strips_on(face).next().is_some() {
@@ -72,8 +87,27 @@ impl EdgeMeter {
             edge.time_s = (index - reference) * scan.time_increment_s;
         }
         self.association.assign(&self.frame, lines, &mut self.found);
+        self.tighten(scan);
         lines.edges.clear();
         lines.edges.extend_from_slice(&self.found);
+    }
+
+    /// Draws an interval that holds mixed pixels closer around them.
+    fn tighten(&mut self, scan: &Scan) {
+        for (edge, mixed) in self.found.iter_mut().zip(&self.mixed) {
+            let Some((first, last)) = *mixed else {
+                continue;
+            };
+            let reach_rad = MIXED_REACH * edge.d_threshold.abs();
+            if edge.strip < 0 || !(reach_rad > 0.0) {
+                continue;
+            }
+            let from_rad = edge.from_rad.max(scan.angle_rad(last) - reach_rad);
+            let to_rad = edge.to_rad.min(scan.angle_rad(first) + reach_rad);
+            if from_rad < to_rad {
+                (edge.from_rad, edge.to_rad) = (from_rad, to_rad);
+            }
+        }
     }
 
     /// Gives every beam its state for face `k`; beams that meet another face first stay outside
@@ -90,6 +124,7 @@ impl EdgeMeter {
         );
         let bias_m = bias_m + lines.range_bias_m * self.frame.calibration.range_scale;
         self.states.clear();
+        self.behind_m.clear();
         for ((cos, sin), range_m) in self.beams.cos_sin.iter().zip(scan.ranges_m.iter()) {
             let mut nearest = f64::NEG_INFINITY;
             let mut nearest_behind = f64::NEG_INFINITY;
@@ -106,20 +141,60 @@ impl EdgeMeter {
             }
             if own < nearest || own <= 0.0 {
                 self.states.push(Beam::Unknown);
+                self.behind_m.push((f64::NAN, f64::NAN));
                 continue;
             }
             let face_m = 1.0 / own;
             let e = (range_m - bias_m) * scale - face_m;
+            let depth_m = 1.0 / nearest_behind - face_m;
+            self.behind_m.push((e, depth_m));
             self.states.push(match gap_m {
                 _ if e.abs() <= tolerance_m => Beam::Hit,
                 _ if range_m.is_nan() || e < 0.0 => Beam::Unknown,
                 Some(_) if *range_m == f64::INFINITY => Beam::Unknown,
                 None => Beam::Gap,
-                Some(_) if e >= GAP_SHARE * (1.0 / nearest_behind - face_m) => Beam::Gap,
+                Some(_) if e >= GAP_SHARE * depth_m => Beam::Gap,
                 Some(_) => Beam::Mixed,
             });
         }
         self.drop_contradictions();
+        if gap_m.is_some() {
+            self.mark_short(fitted[k].rms_m);
+        }
+    }
+
+    /// Finds mixed pixels that reach almost to the surface behind. Where that surface really is,
+    /// the gap beams further from the hit tell (it need not be exactly the frame file's gap away).
+    fn mark_short(&mut self, sigma_m: f64) {
+        let n = self.states.len();
+        let tolerance_m = (SHORT_SIGMA * sigma_m).max(SHORT_MIN_M);
+        for i in 0..n {
+            if self.states[i] != Beam::Gap {
+                continue;
+            }
+            for inward in [1isize, -1] {
+                let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
+                let hit_near = [-1, -2]
+                    .into_iter()
+                    .any(|k| at(k).is_some_and(|j| self.states[j] == Beam::Hit));
+                if !hit_near {
+                    continue;
+                }
+                let mut count = 0.0;
+                let mut sum = 0.0;
+                for j in (2..6)
+                    .filter_map(at)
+                    .take_while(|j| self.states[*j] == Beam::Gap)
+                {
+                    sum += self.behind_m[j].0 / self.behind_m[j].1;
+                    count += 1.0;
+                }
+                let (e, depth_m) = self.behind_m[i];
+                if count >= 2.0 && e < sum / count * depth_m - tolerance_m {
+                    self.states[i] = Beam::Mixed;
+                }
+            }
+        }
     }
 
     /// A beam that three of its four neighbours contradict and none supports is not trusted.
@@ -147,9 +222,15 @@ impl EdgeMeter {
     /// An edge wherever the last sure state changes.
     fn transitions(&mut self, face: Face) {
         let mut last: Option<(usize, Beam)> = None;
+        let mut mixed: Option<(usize, usize)> = None;
         for (i, state) in self.states.iter().enumerate() {
-            if !matches!(state, Beam::Hit | Beam::Gap) {
-                continue;
+            match state {
+                Beam::Hit | Beam::Gap => {}
+                Beam::Mixed => {
+                    mixed = Some((mixed.map_or(i, |(first, _)| first), i));
+                    continue;
+                }
+                Beam::Unknown => continue,
             }
             if let Some((before, kind)) = last
                 && kind != *state
@@ -165,8 +246,10 @@ impl EdgeMeter {
                     to_rad: self.beams.angle_rad(i),
                     ..Edge::default()
                 });
+                self.mixed.push(mixed);
             }
             last = Some((i, *state));
+            mixed = None;
         }
     }
 }

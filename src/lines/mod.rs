@@ -5,8 +5,8 @@
 //! lines jointly with the range bias. In any other scene [`split_and_merge`] finds all lines:
 //!
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
-//! - [`split_and_merge`] runs of beams on one line each
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
+//! - [`split_and_merge`] runs of beams on one line each
 
 pub mod fit;
 pub mod reflectors;

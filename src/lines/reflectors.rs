@@ -42,7 +42,7 @@ impl Default for Options {
 }
 
 /// Gates around a coarse prediction, then none: the fit's own, m.
-const COLD_GATES_M: [f64; 5] = [0.20, 0.15, 0.10, 0.06, 0.04];
+const COLD_GATES_M: [f64; 8] = [0.20, 0.20, 0.15, 0.15, 0.10, 0.10, 0.06, 0.04];
 const TRACK_GATES_M: [f64; 2] = [0.08, 0.04];
 /// Passes with the final gate and Huber weights.
 const FINAL_PASSES: usize = 3;
@@ -282,7 +282,17 @@ impl ReflectorFit {
     fn is_plausible(&self, fit: &JointLines, previous: Option<&Previous>) -> bool {
         let seen = fit.seen(&self.options);
         let [right, upper, left] = fit.lines;
-        let off = |angle: f64, nominal: f64| (angle - nominal).abs() > 0.05;
+        // A tracked fit that is refused costs a cold start and no more, so it is judged sharply;
+        // lines leave the right angle only by yaw times pitch.
+        let (skew_rad, bias_sigmas) = if previous.is_some() {
+            (0.012, 3.5)
+        } else {
+            (0.05, 6.0)
+        };
+        let off = |angle: f64, nominal: f64| (angle - nominal).abs() > skew_rad;
+        if fit.bias_m.abs() > bias_sigmas * self.options.bias_sigma_m {
+            return false;
+        }
         if seen[0] && seen[1] && off(upper.alpha_rad - right.alpha_rad, FRAC_PI_2)
             || seen[1] && seen[2] && off(left.alpha_rad - upper.alpha_rad, FRAC_PI_2)
             || seen[0] && seen[2] && (right.d_m + left.d_m - self.dy_m).abs() > 0.15
@@ -299,15 +309,20 @@ impl ReflectorFit {
         if !(kept(0) && kept(1) && kept(2)) {
             return false;
         }
+        // A line that was drawn through half of a reflector's points has the other half beside it.
+        let beside = |k: usize| self.count_near(fit, k, 0.0, 0.15) * 4 > fit.points[k] as usize * 5;
+        if beside(0) || beside(1) || beside(2) {
+            return false;
+        }
         // Tracking may have slipped onto the surface behind the strips: then the strips themselves
         // stand one gap in front of the line.
         let Some(gap_m) = self.gap_m else { return true };
-        let in_front = self.count_near(fit, 1, -gap_m);
+        let in_front = self.count_near(fit, 1, -gap_m, 0.06);
         in_front * 5 < fit.points[1].max(1) as usize
     }
 
-    /// Beams of a sector within 60 mm of the line moved outward by `offset_m`.
-    fn count_near(&self, fit: &JointLines, k: usize, offset_m: f64) -> usize {
+    /// Beams of a sector within `reach_m` of the line moved outward by `offset_m`.
+    fn count_near(&self, fit: &JointLines, k: usize, offset_m: f64, reach_m: f64) -> usize {
         let line = fit.lines[k];
         let (sin, cos) = line.alpha_rad.sin_cos();
         let sector = sectors(&fit.lines, &self.beams)[k].clone();
@@ -315,7 +330,7 @@ impl ReflectorFit {
             .iter()
             .zip(&self.ranges_m[sector])
             .filter(|((c, s), r)| {
-                ((*r - fit.bias_m) * (c * cos + s * sin) - line.d_m - offset_m).abs() < 0.06
+                ((*r - fit.bias_m) * (c * cos + s * sin) - line.d_m - offset_m).abs() < reach_m
             })
             .count()
     }

@@ -1,8 +1,10 @@
 //! extract-lines: scans in; reflector lines with strip edges, or the lines of any scene, out.
 
+use crate::edges::EdgeMeter;
 use crate::frame::Frame;
+use crate::lines::reflectors::{self, ReflectorFit};
 use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{Scan, Segment};
+use crate::record::{ReflectorLines, Scan, Segment};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
 use crate::tool::common::CommonArgs;
 use std::path::PathBuf;
@@ -30,6 +32,8 @@ pub struct Args {
     #[arg(long, value_enum, value_name = "METHOD")]
     pub method: Option<Method>,
     #[command(flatten)]
+    reflectors: ReflectorArgs,
+    #[command(flatten)]
     general: GeneralArgs,
     #[command(flatten)]
     common: CommonArgs,
@@ -42,6 +46,32 @@ pub enum Method {
     Reflectors,
     /// All lines of any scene
     SplitAndMerge,
+}
+
+/// Settings of the reflector fit.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Reflector lines")]
+struct ReflectorArgs {
+    /// Standard deviation of a range [default: from each scan's own residuals]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    range_sigma_mm: Option<f64>,
+    /// Prior standard deviation of the range bias common to all beams
+    #[arg(long, value_name = "MM", default_value_t = 15.0, value_parser = positive)]
+    bias_sigma_mm: f64,
+    /// Look for the reflectors anew in every scan, without the scan before as a prediction
+    #[arg(long)]
+    cold: bool,
+}
+
+impl ReflectorArgs {
+    fn options(&self) -> reflectors::Options {
+        reflectors::Options {
+            sigma_m: self.range_sigma_mm.map(|mm| mm / 1000.0),
+            bias_sigma_m: self.bias_sigma_mm / 1000.0,
+            track: !self.cold,
+            ..reflectors::Options::default()
+        }
+    }
 }
 
 /// Settings of the extractors for any scene.
@@ -100,7 +130,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         None => Method::SplitAndMerge,
     };
     match args.method.unwrap_or(default) {
-        Method::Reflectors => reflectors(frame, &args, &options),
+        Method::Reflectors => reflector_lines(frame, &args, &options),
         Method::SplitAndMerge => {
             let mut stage = General {
                 extractor: SplitAndMerge::new(args.general.options()),
@@ -111,13 +141,65 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
 }
 
-// TODO(reflectors): the stage for the three reflector lines and the strip edges goes here.
-fn reflectors(frame: Option<Frame>, _args: &Args, _options: &Options) -> anyhow::Result<Outcome> {
-    let Some(_frame) = frame else {
+fn reflector_lines(
+    frame: Option<Frame>,
+    args: &Args,
+    options: &Options,
+) -> anyhow::Result<Outcome> {
+    let Some(frame) = frame else {
         let text = "--method reflectors needs the frame: -f FILE";
         return Err(Fault::Usage(text.to_owned()).into());
     };
-    Err(Fault::Unavailable("--method reflectors is not built yet".to_owned()).into())
+    let mut stage = Reflectors {
+        fit: ReflectorFit::new(&frame, args.reflectors.options()),
+        edges: EdgeMeter::new(&frame),
+        lines: ReflectorLines::default(),
+        without: 0,
+        scans: 0,
+    };
+    stream::filter(options, args.input.as_deref(), &mut stage)
+}
+
+/// Scans in, the reflector lines and strip edges of each out.
+struct Reflectors {
+    fit: ReflectorFit,
+    edges: EdgeMeter,
+    lines: ReflectorLines,
+    scans: u64,
+    without: u64,
+}
+
+impl Stage for Reflectors {
+    type In = Scan;
+    type Out = ReflectorLines;
+
+    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
+        self.scans += 1;
+        self.lines.begin(scan);
+        match self.fit.fit(scan) {
+            Some(fit) => {
+                self.fit.record(&fit, &mut self.lines);
+                self.edges.measure(scan, &mut self.lines);
+            }
+            None => self.without += 1,
+        }
+        emit.write(&self.lines)
+    }
+
+    fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+        if self.without > 0 {
+            eprintln!(
+                "extract-lines: no reflectors in {} of {} scans",
+                self.without, self.scans
+            );
+        }
+        let nothing = self.without == self.scans && self.scans > 0;
+        Ok(if nothing {
+            Outcome::Degraded
+        } else {
+            Outcome::Done
+        })
+    }
 }
 
 /// Scans in, the segments of each out.
