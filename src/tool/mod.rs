@@ -2,6 +2,7 @@
 //! streams to rooms (`run`). No mathematics and no bytes here.
 
 pub mod common;
+pub mod report;
 
 use crate::stream::{Fault, Outcome, exit};
 use std::process::ExitCode;
