@@ -19,7 +19,9 @@
 //! on purpose: what they share is only the numbers here.
 
 mod config;
+mod crossing;
 mod scanner_model;
 
 pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
+pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
 pub use scanner_model::{Optics, ScanMode, ScannerModel};

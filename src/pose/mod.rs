@@ -1,1 +1,9 @@
-//! (to be written)
+//! The platform's pose from reflector lines and strip edges.
+//!
+//! [`joint`] is the kit's estimator: everything that a scan says, in one Gaussian state, with each
+//! edge treated as the interval that it is. [`vote`] is the published method (Kurniawan 2017,
+//! section 3.5), the baseline.
+
+mod interval;
+pub mod joint;
+pub mod pitch;

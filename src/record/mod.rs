@@ -8,6 +8,7 @@
 //!
 //! Units are SI, angles are radians. A missing number is NaN in memory and an empty field in CSV.
 
+mod beams;
 mod clock;
 mod columns;
 mod imu;
@@ -20,6 +21,7 @@ pub mod text;
 mod time;
 mod trajectory;
 
+pub use beams::BeamTable;
 pub use clock::ClockExchange;
 pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};
 pub use imu::{Axes, ImuSample};

@@ -1,8 +1,15 @@
 //! The wiring of the nine tools: what each takes on its command line (`Args`) and how it joins
 //! streams to rooms (`run`). No mathematics and no bytes here.
 
+pub mod ads_push;
 pub mod common;
+pub mod compensate_delay;
+pub mod extract_lines;
+pub mod imu_read;
 pub mod report;
+pub mod simulate;
+pub mod solve_pose;
+pub mod timesync;
 
 use crate::stream::{Fault, Outcome, exit};
 use std::process::ExitCode;

@@ -1,0 +1,108 @@
+# cablepose: `make demo` shows what it does, `make test` shows that it works. `make help` lists all.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.ONESHELL:
+.DEFAULT_GOAL := help
+
+CARGO ?= cargo
+PYTHON ?= python3
+PREFIX ?= /usr/local
+DESTDIR ?=
+INSTALL ?= install
+TARGET := $(or $(CARGO_TARGET_DIR),target)
+
+TOOLS := scan-capture imu-read timesync simulate extract-lines solve-pose compensate-delay ads-push report
+FRAME := testdata/cablar.toml
+DEMO := $(TARGET)/demo
+DEMO_RUN := --trajectory grid
+INTEROP := $(TARGET)/interop
+
+## build: the nine programs, optimised, in target/release
+.PHONY: build
+build:
+	$(CARGO) build --release --locked --bins
+
+## demo: a simulated run through the pipes; prints the table, leaves target/demo/report.html
+.PHONY: demo
+demo: build
+	@mkdir -p $(DEMO)
+	export PATH="$(abspath $(TARGET))/release:$$PATH"
+	echo "simulate | extract-lines | solve-pose | report"
+	simulate -f $(FRAME) $(DEMO_RUN) --truth $(DEMO)/truth.csv \
+		| tee $(DEMO)/scans.csv \
+		| extract-lines -f $(FRAME) \
+		| tee $(DEMO)/lines.csv \
+		| solve-pose -f $(FRAME) \
+		| tee $(DEMO)/poses.csv \
+		| report --truth $(DEMO)/truth.csv --html $(DEMO)/report.html -
+	echo "look at $(DEMO)/report.html; scans.csv, lines.csv, poses.csv and truth.csv are beside it"
+
+## test: every test
+.PHONY: test
+test:
+	$(CARGO) test --locked
+
+## check: format, lints, tests, documentation, man pages, lock file
+.PHONY: check
+check:
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --all-targets -- -D warnings
+	$(MAKE) test
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps
+
+## man: rewrites man/*.1 from the tools' own help
+.PHONY: man
+man:
+	UPDATE_MAN=1 $(CARGO) test --locked --test man
+
+## golden: rewrites testdata/golden; look at the difference before committing it
+.PHONY: golden
+golden:
+	SNAPSHOTS=overwrite $(CARGO) test --locked --test chain golden
+
+## bench: scans a second through the chain on one core, then the library's own benchmarks
+.PHONY: bench
+bench: build
+	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
+	$(CARGO) bench --locked --benches
+
+## interop: other people's MCAP readers (Python, from PyPI) read what these programs write
+.PHONY: interop
+interop:
+	$(CARGO) build --locked --bins
+	test -x $(INTEROP)/venv/bin/python || $(PYTHON) -m venv $(INTEROP)/venv
+	$(INTEROP)/venv/bin/pip install --quiet --disable-pip-version-check -r interop/requirements.txt
+	BIN=$(TARGET)/debug PYTHON=$(INTEROP)/venv/bin/python OUT=$(INTEROP) FRAME=$(FRAME) interop/run
+
+## experiments: the run matrix of experiments/Makefile
+.PHONY: experiments
+experiments: build
+	$(MAKE) -C experiments BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
+## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
+.PHONY: install
+install: build
+	$(INSTALL) -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/man/man7
+	$(INSTALL) -m 755 $(TOOLS:%=$(TARGET)/release/%) $(DESTDIR)$(PREFIX)/bin/
+	$(INSTALL) -m 644 $(TOOLS:%=man/%.1) $(DESTDIR)$(PREFIX)/share/man/man1/
+	$(INSTALL) -m 644 man/cablepose.7 $(DESTDIR)$(PREFIX)/share/man/man7/
+
+## uninstall: removes what install put there
+.PHONY: uninstall
+uninstall:
+	rm -f $(TOOLS:%=$(DESTDIR)$(PREFIX)/bin/%) $(TOOLS:%=$(DESTDIR)$(PREFIX)/share/man/man1/%.1) \
+		$(DESTDIR)$(PREFIX)/share/man/man7/cablepose.7
+
+## clean: removes everything that was built
+.PHONY: clean
+clean:
+	$(CARGO) clean
+
+## help: this list
+.PHONY: help
+help:
+	@sed -n 's/^## \([a-z]*\): */\1\t/p' Makefile | while IFS=$$'\t' read -r target what; do
+		printf '  make %-12s %s\n' "$$target" "$$what"
+	done

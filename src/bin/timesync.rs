@@ -1,0 +1,5 @@
+//! `timesync`: see [`cablepose::tool::timesync`].
+
+fn main() -> std::process::ExitCode {
+    cablepose::tool::main("timesync", cablepose::tool::timesync::run)
+}

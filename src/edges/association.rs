@@ -1,0 +1,379 @@
+//! Which strip an edge belongs to.
+//!
+//! y, z and roll are known from the lines; x and yaw are searched coarsely (Kurniawan 2017 knows
+//! them by counting, which fails as soon as one edge is missing), then refined by least squares on
+//! the middles of the intervals while the tolerance shrinks. Pitch is not known here: on the
+//! ceiling it acts as a shift of x; with strips on the side walls it is refined too.
+
+use crate::frame::{Frame, Optics, ScannerPose, Strip};
+use crate::record::{Edge, EdgeKind, Face, ReflectorLines};
+use nalgebra::{Matrix3, Vector3};
+
+/// Search range and steps.
+const X_MAX_M: f64 = 0.5;
+const X_STEP_M: f64 = 0.05;
+const YAW_MAX_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
+const YAW_STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Tolerance of the vote, m.
+const VOTE_M: f64 = 0.09;
+/// Tolerances of the association as the estimate improves, m.
+const TOLERANCES_M: [f64; 4] = [0.12, 0.06, 0.03, 0.02];
+/// Prior standard deviations of x, yaw and pitch.
+const PRIOR: [f64; 3] = [0.3, 0.14, 0.035];
+
+/// One boundary line of a strip.
+#[derive(Clone, Copy, Debug)]
+struct Boundary {
+    face: Face,
+    strip: usize,
+    kind: EdgeKind,
+    /// Offset of the boundary at x = 0, m.
+    offset_m: f64,
+    slope: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Association {
+    boundaries: Vec<Boundary>,
+    optics: Optics,
+    footprint_scale: f64,
+    /// Whether strips on the sides make pitch observable.
+    with_pitch: bool,
+    /// x, yaw, pitch of the scan before.
+    last: Option<[f64; 3]>,
+    middles: Vec<Middle>,
+    taken: Vec<Option<(usize, f64)>>,
+}
+
+/// The middle of an edge's interval, seen from an assumed pose.
+#[derive(Clone, Copy, Debug)]
+struct Middle {
+    /// Coordinates on the face: x, and y or z, m.
+    x_m: f64,
+    v_m: f64,
+    /// Half the interval along v, m.
+    half_m: f64,
+    /// Derivatives of x and v to x, yaw, pitch of the platform.
+    d_x: [f64; 3],
+    d_v: [f64; 3],
+}
+
+impl Association {
+    pub(super) fn new(frame: &Frame) -> Association {
+        let boundaries = frame
+            .strips
+            .iter()
+            .enumerate()
+            .flat_map(|(i, strip)| boundaries(i, strip));
+        Association {
+            boundaries: boundaries.collect(),
+            optics: frame.scanner_model().optics,
+            footprint_scale: frame.calibration.footprint_scale,
+            with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
+            last: None,
+            middles: Vec::new(),
+            taken: Vec::new(),
+        }
+    }
+
+    /// Sets `strip` and the threshold's derivative of each edge.
+    pub(super) fn assign(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &mut [Edge]) {
+        if edges.is_empty() {
+            return;
+        }
+        let wanted = edges.len().min(self.boundaries.len());
+        let start = self.last.take();
+        let mut matched = 0;
+        let mut at = start.unwrap_or_default();
+        if start.is_some() {
+            matched = self.refine(frame, lines, edges, &mut at, 1);
+        }
+        if matched < wanted.min(6) {
+            at = self.vote(frame, lines, edges);
+            matched = self.refine(frame, lines, edges, &mut at, 0);
+        }
+        self.last = (matched >= 3).then_some(at);
+        let pose = pose_on_lines(frame, lines, at);
+        for edge in edges.iter_mut() {
+            edge.d_threshold = self.threshold_angle(frame, &pose, edge);
+        }
+    }
+
+    /// Coarse search: x and yaw at which most edges lie near a boundary of their kind.
+    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> [f64; 3] {
+        let mut best = (f64::NEG_INFINITY, [0.0; 3]);
+        let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
+        let x_steps = (X_MAX_M / X_STEP_M).round() as i32;
+        for yaw_step in -yaw_steps..=yaw_steps {
+            let yaw = f64::from(yaw_step) * YAW_STEP_RAD;
+            self.see(frame, lines, edges, [0.0, yaw, 0.0]);
+            for x_step in -x_steps..=x_steps {
+                let x_m = f64::from(x_step) * X_STEP_M;
+                // A small penalty prefers the middle where the count does not decide.
+                let mut score = -0.02 * (f64::from(x_step.abs()) + f64::from(yaw_step.abs()));
+                for (edge, middle) in edges.iter().zip(&self.middles) {
+                    let near = self.boundaries.iter().any(|b| {
+                        b.kind == edge.kind
+                            && b.face == edge.face
+                            && (b.gap_m(middle) - b.slope * x_m).abs() <= VOTE_M + middle.half_m
+                    });
+                    score += f64::from(u8::from(near));
+                }
+                if score > best.0 {
+                    best = (score, [x_m, yaw, 0.0]);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Alternates association and least squares; returns the number of edges with a strip.
+    fn refine(
+        &mut self,
+        frame: &Frame,
+        lines: &ReflectorLines,
+        edges: &mut [Edge],
+        at: &mut [f64; 3],
+        from: usize,
+    ) -> usize {
+        let mut matched = 0;
+        for tolerance_m in &TOLERANCES_M[from..] {
+            self.see(frame, lines, edges, *at);
+            matched = self.nearest(edges, *tolerance_m);
+            let mut information = Matrix3::zeros();
+            let mut gradient = Vector3::zeros();
+            for k in 0..3 {
+                let sigma = if k == 2 && !self.with_pitch {
+                    1e-6
+                } else {
+                    PRIOR[k]
+                };
+                information[(k, k)] = 1.0 / (sigma * sigma);
+                gradient[k] = -at[k] / (sigma * sigma);
+            }
+            for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
+                let Some((e, gap_m)) = *taken else { continue };
+                let middle = &self.middles[e];
+                let row = Vector3::from_fn(|k, _| middle.d_v[k] - boundary.slope * middle.d_x[k]);
+                let weight = 1.0 / (middle.half_m * middle.half_m / 3.0 + 4e-6);
+                information += weight * row * row.transpose();
+                gradient -= weight * gap_m * row;
+            }
+            if let Some(step) = information.cholesky().map(|c| c.solve(&gradient)) {
+                at[0] = (at[0] + step[0]).clamp(-1.5, 1.5);
+                at[1] = (at[1] + step[1]).clamp(-0.3, 0.3);
+                at[2] = (at[2] + step[2]).clamp(-0.2, 0.2);
+            }
+        }
+        matched
+    }
+
+    /// Gives every boundary the nearest edge of its kind within the tolerance, and the edges their
+    /// strips.
+    fn nearest(&mut self, edges: &mut [Edge], tolerance_m: f64) -> usize {
+        self.taken.clear();
+        self.taken.resize(self.boundaries.len(), None);
+        for (e, (edge, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
+            edge.strip = -1;
+            let mut best: Option<(usize, f64)> = None;
+            for (b, boundary) in self.boundaries.iter().enumerate() {
+                if boundary.kind != edge.kind || boundary.face != edge.face {
+                    continue;
+                }
+                let gap_m = boundary.gap_m(middle);
+                if gap_m.abs() <= tolerance_m + middle.half_m
+                    && best.is_none_or(|(_, least)| gap_m.abs() < least.abs())
+                {
+                    best = Some((b, gap_m));
+                }
+            }
+            if let Some((b, gap_m)) = best
+                && self.taken[b].is_none_or(|(_, other)| gap_m.abs() < other.abs())
+            {
+                self.taken[b] = Some((e, gap_m));
+            }
+        }
+        let mut matched = 0;
+        for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
+            if let Some((e, _)) = taken {
+                edges[*e].strip = boundary.strip as i32;
+                matched += 1;
+            }
+        }
+        matched
+    }
+
+    /// Where the middles of the intervals lie on their faces, seen from `at`.
+    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge], at: [f64; 3]) {
+        let pose = pose_on_lines(frame, lines, at);
+        self.middles.clear();
+        self.middles.extend(edges.iter().map(|edge| {
+            let v = v_axis(edge.face);
+            let [from, to] = [edge.from_rad, edge.to_rad].map(|a| pose.crossing(a, edge.face));
+            let (Some(from), Some(to)) = (from, to) else {
+                return Middle::NOWHERE;
+            };
+            let mean = |f: &dyn Fn(&crate::frame::Crossing) -> f64| 0.5 * (f(&from) + f(&to));
+            Middle {
+                x_m: mean(&|c| c.point_m[0]),
+                v_m: mean(&|c| c.point_m[v]),
+                half_m: 0.5 * (from.point_m[v] - to.point_m[v]).abs(),
+                d_x: [0, 5, 4].map(|k| mean(&|c| c.d_point[k][0])),
+                d_v: [0, 5, 4].map(|k| mean(&|c| c.d_point[k][v])),
+            }
+        }));
+    }
+
+    /// How far the edge's angle moves when hits begin one spot radius further out, rad.
+    fn threshold_angle(&self, frame: &Frame, pose: &ScannerPose, edge: &Edge) -> f64 {
+        let v = v_axis(edge.face);
+        let step = 1e-4;
+        let middle = 0.5 * (edge.from_rad + edge.to_rad);
+        let (Some(at), Some(next)) = (
+            pose.crossing(middle, edge.face),
+            pose.crossing(middle + step, edge.face),
+        ) else {
+            return 0.0;
+        };
+        let slope = usize::try_from(edge.strip)
+            .ok()
+            .and_then(|strip| frame.strips.get(strip))
+            .map_or(0.0, Strip::slope);
+        let radius_m = 0.5 * self.optics.diameter_m(at.range_m) * self.footprint_scale;
+        let reach_m = radius_m * spot_stretch(at.direction, slope, v);
+        // Signed distance from the edge along v, per angle, with the strip's inclination.
+        let rate =
+            (next.point_m[v] - at.point_m[v] - slope * (next.point_m[0] - at.point_m[0])) / step;
+        let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
+        outward * reach_m / rate.abs()
+    }
+}
+
+impl Middle {
+    const NOWHERE: Middle = Middle {
+        x_m: f64::NAN,
+        v_m: f64::NAN,
+        half_m: 0.0,
+        d_x: [0.0; 3],
+        d_v: [0.0; 3],
+    };
+}
+
+impl Boundary {
+    /// Signed distance of a point from the boundary along v, m.
+    fn gap_m(&self, middle: &Middle) -> f64 {
+        middle.v_m - self.offset_m - self.slope * middle.x_m
+    }
+}
+
+/// Length along v on the face of one unit across the beam, measured from an edge of the given
+/// slope: |u x e| / |(u x e) . v|, with u the beam and e the edge.
+fn spot_stretch(u: [f64; 3], slope: f64, v: usize) -> f64 {
+    let mut e = [1.0, 0.0, 0.0];
+    e[v] = slope;
+    let normal = [
+        u[1] * e[2] - u[2] * e[1],
+        u[2] * e[0] - u[0] * e[2],
+        u[0] * e[1] - u[1] * e[0],
+    ];
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    length / normal[v].abs().max(1e-9)
+}
+
+/// The axis of a face along which a strip's width is measured: y on the ceiling, z on a wall.
+fn v_axis(face: Face) -> usize {
+    if face == Face::Upper { 1 } else { 2 }
+}
+
+/// A strip's two boundaries with the polarity of their edges. With growing beam angle v falls on
+/// the ceiling and on the left wall and rises on the right wall.
+fn boundaries(strip: usize, s: &Strip) -> [Boundary; 2] {
+    let rising = s.face == Face::Right;
+    let slope = s.slope();
+    let make = |side: f64| Boundary {
+        face: s.face,
+        strip,
+        kind: if (side > 0.0) == rising {
+            EdgeKind::Off
+        } else {
+            EdgeKind::On
+        },
+        offset_m: s.offset_m + side * s.width_m / 2.0,
+        slope,
+    };
+    [make(1.0), make(-1.0)]
+}
+
+/// The platform's pose with y, z and roll such that its lines are the measured ones, for given x,
+/// yaw and pitch.
+fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3]) -> ScannerPose {
+    let (mut y, mut z, mut roll) = (0.0, frame.bounds.dz_m / 2.0, 0.0);
+    for _ in 0..3 {
+        let pose = ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw]);
+        let faces = [Face::Right, Face::Upper, Face::Left];
+        let (mut sum_y, mut walls, mut sum_roll, mut weight) = (0.0, 0.0, 0.0, 0.0);
+        for (line, face) in lines.lines().into_iter().zip(faces) {
+            if !line.is_seen() {
+                continue;
+            }
+            let predicted = pose.line(face);
+            let d_m = line.normal.d_m - predicted.normal.d_m;
+            match face {
+                Face::Upper => z -= d_m,
+                Face::Right => (sum_y, walls) = (sum_y - d_m, walls + 1.0),
+                Face::Left => (sum_y, walls) = (sum_y + d_m, walls + 1.0),
+            }
+            let w = 1.0 / line.cov_aa.max(1e-12);
+            sum_roll += w * (predicted.normal.alpha_rad - line.normal.alpha_rad);
+            weight += w;
+        }
+        if walls > 0.0 {
+            y += sum_y / walls;
+        }
+        if weight > 0.0 {
+            roll += sum_roll / weight;
+        }
+    }
+    ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretch_is_the_closed_form_of_the_ceiling() {
+        // Spec: R_e = radius sqrt(h^2 + D^2) / (h cos gamma), D the distance from the foot point
+        // to the edge line.
+        let gamma = 30f64.to_radians();
+        for (y, h) in [(0.0, 2.0), (3.0, 2.0), (-1.5, 4.0)] {
+            // Beam from the origin to the ceiling point (0, y, h), which is on the edge.
+            let norm = f64::hypot(y, h);
+            let u = [0.0, y / norm, h / norm];
+            let distance = y * gamma.cos();
+            let expected = f64::hypot(h, distance) / (h * gamma.cos());
+            assert!((spot_stretch(u, gamma.tan(), 1) - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn polarity_follows_the_beam() {
+        let strip = |face| Strip {
+            face,
+            offset_m: 1.0,
+            width_m: 0.4,
+            inclination_deg: 0.0,
+            x_m: None,
+        };
+        let kind = |face, side: f64| {
+            boundaries(0, &strip(face))
+                .into_iter()
+                .find(|b| (b.offset_m - 1.0) * side > 0.0)
+                .map(|b| b.kind)
+        };
+        assert_eq!(kind(Face::Upper, 1.0), Some(EdgeKind::On));
+        assert_eq!(kind(Face::Left, 1.0), Some(EdgeKind::On));
+        assert_eq!(kind(Face::Right, 1.0), Some(EdgeKind::Off));
+        assert_eq!(kind(Face::Right, -1.0), Some(EdgeKind::On));
+    }
+}

@@ -1,0 +1,439 @@
+//! Split-and-merge: all straight lines of any scene.
+//!
+//! Groups of connected beams (see [`super::segmentation`]) are split where a beam lies too far off
+//! the group's line, then where two lines explain the beams better than one; borders are moved to
+//! where both sides fit best; runs that one line explains as well are merged, also across whatever
+//! stands in front of the wall. Prefix sums make the cost of any run O(1), so that a scan takes
+//! microseconds. Each line is then freed of outliers and fitted by maximum likelihood in the ranges
+//! ([`super::fit`]).
+
+use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
+use super::segmentation::{Returns, SegmentationOptions};
+use crate::record::{NormalLine, Scan, Segment};
+
+/// Settings of the extractor. The defaults suit an LMS500.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SplitAndMergeOptions {
+    /// What returns and jumps are. Its `sigma_m` is the noise for everything here.
+    pub segmentation: SegmentationOptions,
+    /// A run is split at a beam that is this many sigmas off its line.
+    pub split_sigmas: f64,
+    /// A run is split where two lines lower chi-square by this much, and runs are merged whose
+    /// common line does not raise it by `merge_chi2`.
+    pub split_chi2: f64,
+    /// 99.9 % quantile of chi-square with two degrees of freedom: two runs on one line differ by
+    /// less.
+    pub merge_chi2: f64,
+    /// Beams this many sigmas off the final line are left out.
+    pub trim_sigmas: f64,
+    /// Fewest beams on a line.
+    pub min_points: usize,
+    /// Shortest line, m.
+    pub min_length_m: f64,
+}
+
+impl Default for SplitAndMergeOptions {
+    fn default() -> Self {
+        SplitAndMergeOptions {
+            segmentation: SegmentationOptions::default(),
+            split_sigmas: 4.5,
+            split_chi2: 22.0,
+            merge_chi2: 13.8,
+            trim_sigmas: 3.5,
+            min_points: 9,
+            min_length_m: 0.5,
+        }
+    }
+}
+
+/// The extractor: its settings and buffers.
+#[derive(Clone, Debug, Default)]
+pub struct SplitAndMerge {
+    /// The settings; may be changed between scans.
+    pub options: SplitAndMergeOptions,
+    returns: Returns,
+    /// Sums over a group's beams before each beam.
+    prefix: Vec<InverseRangeSums>,
+    pending: Vec<(usize, usize)>,
+    runs: Vec<Run>,
+    /// The beams of the line at hand, and where they are among the returns.
+    kept: Beams,
+    kept_at: Vec<usize>,
+}
+
+/// Beams on one line; a chain of runs where something stands in front of it.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    from: usize,
+    to: usize,
+    sums: InverseRangeSums,
+    /// Beams of the whole chain.
+    beams: usize,
+    cost_m2: f64,
+    /// End of the chain's last run.
+    chain_end: usize,
+    /// The chain's last run.
+    last: usize,
+    next: Option<usize>,
+    absorbed: bool,
+}
+
+impl Run {
+    fn new(from: usize, to: usize, sums: InverseRangeSums, index: usize) -> Run {
+        Run {
+            from,
+            to,
+            sums,
+            beams: to - from,
+            cost_m2: sums.cost_m2(),
+            chain_end: to,
+            last: index,
+            next: None,
+            absorbed: false,
+        }
+    }
+}
+
+impl SplitAndMerge {
+    /// An extractor with the given settings.
+    pub fn new(options: SplitAndMergeOptions) -> SplitAndMerge {
+        SplitAndMerge {
+            options,
+            ..SplitAndMerge::default()
+        }
+    }
+
+    /// Finds the lines of `scan`, in the order of their first beams, in place of what `out` held.
+    /// Allocates nothing once its buffers have grown to the scan's size.
+    pub fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
+        out.clear();
+        self.returns.read(scan, &self.options.segmentation);
+        self.split();
+        self.merge(scan.angle_increment_rad.abs());
+        for index in 0..self.runs.len() {
+            self.emit(index, scan, out);
+        }
+        out.sort_unstable_by_key(|segment| segment.line);
+        for (line, segment) in out.iter_mut().enumerate() {
+            segment.line = line as u32;
+        }
+    }
+
+    fn split(&mut self) {
+        self.runs.clear();
+        let returns = std::mem::take(&mut self.returns);
+        for (from, to) in returns.groups() {
+            self.split_group(&returns, from, to);
+        }
+        self.returns = returns;
+    }
+
+    fn split_group(&mut self, returns: &Returns, from: usize, to: usize) {
+        let group = returns.beams().run(from, to);
+        self.prefix.clear();
+        let mut sums = InverseRangeSums::default();
+        self.prefix.push(sums);
+        for (range_m, y_m, z_m) in group.iter() {
+            sums.add(range_m, y_m, z_m, 1.0);
+            self.prefix.push(sums);
+        }
+        let first_run = self.runs.len();
+        self.pending.clear();
+        self.pending.push((0, to - from));
+        while let Some((a, b)) = self.pending.pop() {
+            let border = self
+                .farthest_beam(group, a, b)
+                .or_else(|| self.better_as_two(a, b));
+            match border {
+                Some(border) => {
+                    // The left half is taken up first, so that runs come out in beam order.
+                    self.pending.push((border, b));
+                    self.pending.push((a, border));
+                }
+                None => {
+                    let index = self.runs.len();
+                    self.runs
+                        .push(Run::new(from + a, from + b, self.sums(a, b), index));
+                }
+            }
+        }
+        self.settle_borders(first_run, from);
+    }
+
+    /// Sums over beams `a..b` of the current group.
+    #[inline]
+    fn sums(&self, a: usize, b: usize) -> InverseRangeSums {
+        self.prefix[b].minus(&self.prefix[a])
+    }
+
+    /// Where to split `a..b` because a beam is too far off its line: at the beam farthest from the
+    /// chord between the ends, which is a corner where the run has one.
+    fn farthest_beam(&self, group: BeamSlice<'_>, a: usize, b: usize) -> Option<usize> {
+        if b - a < 3 {
+            return None;
+        }
+        let line = self.sums(a, b).line()?;
+        let run = group.run(a, b);
+        let limit_m = self.options.split_sigmas * self.options.segmentation.sigma_m;
+        if largest_residual_m(run, line) <= limit_m {
+            return None;
+        }
+        let corner = a + farthest_from_chord(run);
+        Some(corner.clamp(a + 1, b - 1))
+    }
+
+    /// Where to split `a..b` because two lines lower chi-square enough: for steps and kinks too
+    /// small for a single beam to show.
+    fn better_as_two(&self, a: usize, b: usize) -> Option<usize> {
+        let side = self.options.min_points.max(2);
+        if b - a < 2 * side {
+            return None;
+        }
+        let variance_m2 = self.options.segmentation.sigma_m.powi(2);
+        let whole_m2 = self.sums(a, b).cost_m2();
+        let bound_m2 = whole_m2 - self.options.split_chi2 * variance_m2;
+        if bound_m2 <= 0.0 {
+            return None;
+        }
+        let halves_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
+        let (border, cost_m2) = (a + side..=b - side)
+            .step_by(COARSE_STEP)
+            .map(|k| (k, halves_m2(k)))
+            .min_by(|x, y| x.1.total_cmp(&y.1))?;
+        (cost_m2 < bound_m2).then_some(border)
+    }
+
+    /// Moves the borders between neighbouring runs of a group to where both sides fit best.
+    fn settle_borders(&mut self, first_run: usize, offset: usize) {
+        for index in first_run + 1..self.runs.len() {
+            let (before, after) = (self.runs[index - 1], self.runs[index]);
+            let (a, b) = (before.from - offset, after.to - offset);
+            let start = after.from - offset;
+            let cost_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
+            let mut border = start;
+            let mut best_m2 = before.cost_m2 + after.cost_m2;
+            for step in [-1isize, 1] {
+                let mut tried = border;
+                for _ in 0..BORDER_REACH {
+                    tried = tried.wrapping_add_signed(step);
+                    if tried <= a || tried >= b {
+                        break;
+                    }
+                    let here_m2 = cost_m2(tried);
+                    if here_m2 < best_m2 {
+                        best_m2 = here_m2;
+                        border = tried;
+                    }
+                }
+            }
+            if border != start {
+                let (left, right) = (self.sums(a, border), self.sums(border, b));
+                self.runs[index - 1] = Run::new(before.from, offset + border, left, index - 1);
+                self.runs[index] = Run::new(offset + border, after.to, right, index);
+            }
+        }
+    }
+
+    /// Joins runs that one line explains, also over what stands in front of it.
+    fn merge(&mut self, step_rad: f64) {
+        let runs = self.runs.len();
+        let reach = if self.returns.is_all_round() { runs } else { 0 };
+        for head in 0..runs {
+            if self.runs[head].absorbed {
+                continue;
+            }
+            for other in head + 1..runs + reach {
+                let other = if other < runs { other } else { other - runs };
+                if other == head || !self.may_continue(head, other, step_rad) {
+                    break;
+                }
+                if !self.runs[other].absorbed && self.is_one_line(head, other) {
+                    self.join(head, other);
+                }
+            }
+        }
+    }
+
+    /// Whether a run that starts as far round as `other` may still continue `head` within the
+    /// largest gap.
+    fn may_continue(&self, head: usize, other: usize, step_rad: f64) -> bool {
+        let beams = self.returns.beams();
+        let (end, start) = (self.runs[head].chain_end - 1, self.runs[other].from);
+        let near = self.options.segmentation.max_gap_m / beams.range_m[end];
+        if near >= 1.0 || start < end {
+            return near >= 1.0 || self.returns.is_all_round();
+        }
+        let steps = self
+            .returns
+            .beam(start)
+            .saturating_sub(self.returns.beam(end));
+        // An arc is longer than its sine; a few beams too many only cost time.
+        f64::from(steps) * step_rad <= near * std::f64::consts::FRAC_PI_2
+    }
+
+    fn is_one_line(&self, head: usize, other: usize) -> bool {
+        let (a, b) = (&self.runs[head], &self.runs[other]);
+        if a.beams.max(b.beams) < MERGE_EVIDENCE {
+            return false;
+        }
+        let beams = self.returns.beams();
+        let (end, start) = (a.chain_end - 1, b.from);
+        let (dy_m, dz_m) = (
+            beams.y_m[start] - beams.y_m[end],
+            beams.z_m[start] - beams.z_m[end],
+        );
+        let options = &self.options.segmentation;
+        if dy_m * dy_m + dz_m * dz_m > options.max_gap_m * options.max_gap_m {
+            return false;
+        }
+        let more_m2 = a.sums.plus(&b.sums).cost_m2() - a.cost_m2 - b.cost_m2;
+        more_m2 < self.options.merge_chi2 * options.sigma_m * options.sigma_m
+    }
+
+    fn join(&mut self, head: usize, other: usize) {
+        let tail = self.runs[other];
+        self.runs[other].absorbed = true;
+        let last = self.runs[head].last;
+        self.runs[last].next = Some(other);
+        let run = &mut self.runs[head];
+        run.sums = run.sums.plus(&tail.sums);
+        run.cost_m2 = run.sums.cost_m2();
+        run.beams += tail.beams;
+        run.chain_end = tail.chain_end;
+        run.last = tail.last;
+    }
+
+    /// Fits a chain of runs and adds its line, or its pieces where the beams left are too far apart.
+    fn emit(&mut self, index: usize, scan: &Scan, out: &mut Vec<Segment>) {
+        let run = self.runs[index];
+        if run.absorbed || run.beams < self.options.min_points {
+            return;
+        }
+        let Some(line) = self.keep_inliers(index, run.sums.line()) else {
+            return;
+        };
+        let normal = line.normal();
+        let (sin, cos) = normal.alpha_rad.sin_cos();
+        let max_gap_m = self.options.segmentation.max_gap_m;
+        let kept = self.kept.all();
+        let along = |k: usize| kept.z_m[k] * cos - kept.y_m[k] * sin;
+        let mut from = 0;
+        for k in 1..=kept.len() {
+            if k < kept.len() && (along(k) - along(k - 1)).abs() <= max_gap_m {
+                continue;
+            }
+            let piece = kept.run(from, k);
+            if let Some(segment) = self.segment(piece, normal, scan) {
+                let line = self.returns.beam(self.kept_at[from]);
+                out.push(Segment { line, ..segment });
+            }
+            from = k;
+        }
+    }
+
+    /// Collects a chain's beams that lie within the trim limit of its line.
+    fn keep_inliers(&mut self, index: usize, line: Option<InverseLine>) -> Option<InverseLine> {
+        let beams = self.returns.beams();
+        let limit_m = self.options.trim_sigmas * self.options.segmentation.sigma_m;
+        let mut line = line?;
+        for _ in 0..TRIM_ROUNDS {
+            let before = self.kept_at.len();
+            self.kept.clear();
+            self.kept_at.clear();
+            let mut sums = InverseRangeSums::default();
+            let mut next = Some(index);
+            while let Some(i) = next {
+                let run = &self.runs[i];
+                for k in run.from..run.to {
+                    let (r, y, z) = (beams.range_m[k], beams.y_m[k], beams.z_m[k]);
+                    if line.residual_m(r, y, z).abs() <= limit_m {
+                        self.kept.push_point(r, y, z);
+                        self.kept_at.push(k);
+                        sums.add(r, y, z, 1.0);
+                    }
+                }
+                next = run.next;
+            }
+            if self.kept_at.len() < self.options.min_points {
+                return None;
+            }
+            line = sums.line()?;
+            if self.kept_at.len() == before {
+                break;
+            }
+        }
+        Some(line)
+    }
+
+    fn segment(&self, piece: BeamSlice<'_>, start: NormalLine, scan: &Scan) -> Option<Segment> {
+        if piece.len() < self.options.min_points {
+            return None;
+        }
+        let line = fit::fit_from(start, piece, self.options.segmentation.sigma_m)?;
+        let ends_m = [
+            on_line(line.normal, piece.y_m.first()?, piece.z_m.first()?),
+            on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
+        ];
+        let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
+        (length_m >= self.options.min_length_m).then(|| Segment {
+            stamp: scan.stamp,
+            seq: scan.seq,
+            line: 0,
+            normal: line.normal,
+            ends_m,
+            points: line.points,
+            covariance: [line.cov_dd, line.cov_da, line.cov_aa],
+            rms_m: line.rms_m,
+        })
+    }
+}
+
+/// Coarseness of the search for a better border, beams; the border is settled afterwards.
+const COARSE_STEP: usize = 4;
+/// How far a border may move, beams.
+const BORDER_REACH: usize = 5;
+/// Beams that one of two runs must have before they may be merged.
+const MERGE_EVIDENCE: usize = 4;
+const TRIM_ROUNDS: usize = 4;
+
+/// Largest first-order range residual, m. In lanes, so that it goes through vector registers.
+fn largest_residual_m(run: BeamSlice<'_>, line: InverseLine) -> f64 {
+    let mut largest = [0.0f64; LANES];
+    let (r4, r_rest) = run.range_m.as_chunks::<LANES>();
+    let (y4, y_rest) = run.y_m.as_chunks::<LANES>();
+    let (z4, z_rest) = run.z_m.as_chunks::<LANES>();
+    for ((r, y), z) in r4.iter().zip(y4).zip(z4) {
+        for lane in 0..LANES {
+            let e = line.residual_m(r[lane], y[lane], z[lane]).abs();
+            largest[lane] = if e > largest[lane] { e } else { largest[lane] };
+        }
+    }
+    for ((r, y), z) in r_rest.iter().zip(y_rest).zip(z_rest) {
+        largest[0] = largest[0].max(line.residual_m(*r, *y, *z).abs());
+    }
+    largest.iter().fold(0.0, |a, b| a.max(*b))
+}
+
+const LANES: usize = 4;
+
+/// Index of the beam farthest from the chord between the run's first and last point.
+fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
+    let last = run.len().saturating_sub(1);
+    let (y0, z0) = (run.y_m[0], run.z_m[0]);
+    let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);
+    let mut farthest = (0, -1.0);
+    for (k, (y, z)) in run.y_m.iter().zip(run.z_m).enumerate() {
+        let off = ((y - y0) * dz - (z - z0) * dy).abs();
+        if off > farthest.1 {
+            farthest = (k, off);
+        }
+    }
+    farthest.0
+}
+
+/// Where the beam through a point meets a line, m.
+fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {
+    let (sin, cos) = line.alpha_rad.sin_cos();
+    let scale = line.d_m / (y_m * cos + z_m * sin);
+    [y_m * scale, z_m * scale]
+}

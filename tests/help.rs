@@ -1,0 +1,134 @@
+//! What the programs say about themselves is true: every example in every `--help` runs, `-h` is
+//! short, `--version` names the program, a wrong command line ends with status 2.
+
+mod shell;
+
+use shell::{NOT_BUILT, TOOLS, scratch, sh};
+use std::path::Path;
+
+/// The commands under EXAMPLES in a tool's `--help`: indented lines, joined where one ends with a
+/// backslash; a line that starts with `#` is a remark.
+fn examples(help: &str) -> Vec<String> {
+    let mut commands: Vec<String> = Vec::new();
+    let mut open = false;
+    let section = help
+        .lines()
+        .skip_while(|line| line.trim_end_matches(':') != "EXAMPLES")
+        .skip(1)
+        .take_while(|line| line.is_empty() || line.starts_with(' '));
+    for line in section.map(str::trim) {
+        if line.is_empty() || (line.starts_with('#') && !open) {
+            continue;
+        }
+        let (text, more) = match line.strip_suffix('\\') {
+            Some(text) => (text, true),
+            None => (line, false),
+        };
+        match commands.last_mut() {
+            Some(last) if open => last.push_str(text),
+            _ => commands.push(text.to_owned()),
+        }
+        open = more;
+    }
+    commands
+}
+
+fn run_examples(tool: &str, dir: &Path) {
+    let help = sh(dir, &format!("{tool} --help")).expect(0);
+    let commands = examples(help.text());
+    assert!(
+        (3..=6).contains(&commands.len()),
+        "{tool}: {} examples",
+        commands.len()
+    );
+    for command in commands {
+        assert!(command.contains(tool), "{tool}: {command}");
+        let ended = sh(dir, &command);
+        assert_eq!(ended.status, 0, "{command}\n{}", ended.stderr);
+    }
+}
+
+#[test]
+fn the_examples_of_simulate_run() {
+    run_examples("simulate", &scratch("help-simulate"));
+}
+
+#[test]
+fn the_examples_of_extract_lines_run() {
+    run_examples("extract-lines", &scratch("help-extract-lines"));
+}
+
+#[test]
+fn the_examples_of_solve_pose_run() {
+    run_examples("solve-pose", &scratch("help-solve-pose"));
+}
+
+#[test]
+fn the_examples_of_report_run() {
+    run_examples("report", &scratch("help-report"));
+}
+
+#[test]
+fn the_examples_of_scan_capture_run() {
+    run_examples("scan-capture", &scratch("help-scan-capture"));
+}
+
+#[test]
+fn a_short_help_is_short() {
+    let dir = scratch("help-short");
+    for tool in TOOLS {
+        let short = sh(&dir, &format!("{tool} -h")).expect(0);
+        let long = sh(&dir, &format!("{tool} --help")).expect(0);
+        let (short, long) = (short.text().lines().count(), long.text().lines().count());
+        assert!(short < long, "{tool}: -h {short} lines, --help {long}");
+    }
+}
+
+#[test]
+fn a_version_names_the_program() {
+    let dir = scratch("help-version");
+    for tool in TOOLS {
+        let version = sh(&dir, &format!("{tool} --version")).expect(0);
+        assert_eq!(
+            version.text(),
+            format!("{tool} {}\n", env!("CARGO_PKG_VERSION"))
+        );
+    }
+}
+
+#[test]
+fn a_wrong_command_line_ends_with_status_2() {
+    let dir = scratch("help-usage");
+    for tool in TOOLS.iter().filter(|tool| !NOT_BUILT.contains(tool)) {
+        let ended = sh(&dir, &format!("{tool} --no-such-option")).expect(2);
+        assert!(ended.stdout.is_empty());
+        assert!(
+            ended.stderr.contains("--no-such-option"),
+            "{}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
+fn a_tool_that_is_not_built_says_so_and_ends_with_status_69() {
+    let dir = scratch("help-not-built");
+    for tool in NOT_BUILT {
+        for arguments in ["", "/dev/ttyUSB0 --baud 115200", "--anything"] {
+            let ended = sh(&dir, &format!("{tool} {arguments}")).expect(69);
+            assert!(ended.stdout.is_empty());
+            let start = format!("{tool}: not built yet. It will ");
+            assert!(ended.stderr.starts_with(&start), "{}", ended.stderr);
+        }
+        let help = sh(&dir, &format!("{tool} --help")).expect(0);
+        assert!(help.text().starts_with("This tool is not built yet"));
+        let short = sh(&dir, &format!("{tool} -h")).expect(0);
+        assert!(short.text().contains("(not built yet)"));
+    }
+}
+
+#[test]
+fn examples_are_found_in_a_help_text() {
+    let help = "Options:\n  -h\n\nEXAMPLES\n  # a remark\n  simulate \\\n    | report -\n\n  report x\n\nSEE ALSO\n  more\n";
+    assert_eq!(examples(help), ["simulate | report -", "report x"]);
+}

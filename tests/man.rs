@@ -1,0 +1,190 @@
+//! The man pages in `man/` say what `--help` says. They are rendered here from the tools' own
+//! `Args`; `make man` (`UPDATE_MAN=1 cargo test --test man`) rewrites them.
+
+use cablepose::tool;
+use clap::{Command, CommandFactory};
+use clap_mangen::Man;
+use clap_mangen::roff::{Roff, bold, roman};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The exit statuses in a page, in the words of `stream::exit`.
+const STATUSES: &[(u8, &str)] = &[
+    (0, "Done; also when the reader of standard output left."),
+    (2, "The command line makes no sense."),
+    (
+        3,
+        "Done, but records were lost or skipped, or none could be solved; standard error counts them.",
+    ),
+    (4, "A gate of --fail-if failed."),
+    (65, "Bad data; the message names file, line and column."),
+    (66, "An input that cannot be opened."),
+    (69, "A device or server is not available."),
+    (74, "Reading or writing failed, a full disk included."),
+    (
+        78,
+        "A configuration that makes no sense; the message names the key.",
+    ),
+];
+
+/// A tool's page.
+struct Page {
+    command: Command,
+    statuses: &'static [u8],
+    see_also: &'static [&'static str],
+}
+
+impl Page {
+    fn of<A: CommandFactory>(statuses: &'static [u8], see_also: &'static [&'static str]) -> Page {
+        Page {
+            command: A::command(),
+            statuses,
+            see_also,
+        }
+    }
+
+    fn name(&self) -> &str {
+        self.command.get_name()
+    }
+
+    fn render(&self) -> String {
+        let man = Man::new(self.command.clone());
+        // Not Man::render_title: it drops the empty date, and what follows moves up one place.
+        let mut text = format!(
+            ".TH \"{}\" \"1\" \"\" \"cablepose {}\" \"cablepose\"\n",
+            self.name(),
+            self.command.get_version().unwrap_or_default()
+        )
+        .into_bytes();
+        man.render_name_section(&mut text).unwrap();
+        man.render_synopsis_section(&mut text).unwrap();
+        man.render_description_section(&mut text).unwrap();
+        man.render_options_section(&mut text).unwrap();
+        let mut roff = Roff::new();
+        if let Some(more) = self.command.get_after_long_help() {
+            more_sections(&more.to_string(), &mut roff);
+        }
+        self.closing_sections(&mut roff);
+        roff.to_writer(&mut text).unwrap();
+        tidy(&String::from_utf8(text).unwrap())
+    }
+
+    fn closing_sections(&self, roff: &mut Roff) {
+        roff.control("SH", ["EXIT STATUS"]);
+        for (status, meaning) in STATUSES {
+            if self.statuses.contains(status) {
+                roff.control("TP", []);
+                roff.text([bold(status.to_string())]);
+                roff.text([roman(*meaning)]);
+            }
+        }
+        roff.control("SH", ["SEE ALSO"]);
+        let mut others = vec!["cablepose(7)".to_owned()];
+        others.extend(self.see_also.iter().map(|name| format!("{name}(1)")));
+        roff.text([roman(others.join(", "))]);
+    }
+}
+
+/// `after_long_help` as sections: a line that is all capitals opens one, indented lines are shown
+/// as they are, the rest is running text.
+fn more_sections(text: &str, roff: &mut Roff) {
+    let mut verbatim = false;
+    for line in text.lines() {
+        let indented = line.starts_with(' ');
+        if indented != verbatim && !line.trim().is_empty() {
+            if indented {
+                roff.control("PP", []).control("nf", []);
+            } else {
+                roff.control("fi", []);
+            }
+            verbatim = indented;
+        }
+        let words = line.trim_end().trim_end_matches(':');
+        if is_heading(words) {
+            roff.control("SH", [words]);
+        } else if !line.trim().is_empty() {
+            roff.text([roman(line)]);
+        } else if !verbatim {
+            roff.control("PP", []);
+        } else {
+            roff.text([roman("")]);
+        }
+    }
+    if verbatim {
+        roff.control("fi", []);
+    }
+}
+
+fn is_heading(line: &str) -> bool {
+    line.starts_with(|c: char| c.is_ascii_uppercase())
+        && line.chars().all(|c| c.is_ascii_uppercase() || c == ' ')
+}
+
+/// One apostrophe preamble at the top instead of one a section; no blank at the end of a line.
+fn tidy(page: &str) -> String {
+    const PREAMBLE: &str = ".ie \\n(.g .ds Aq \\(aq\n.el .ds Aq '\n";
+    let mut out = PREAMBLE.to_owned();
+    for line in page.replace(PREAMBLE, "").lines() {
+        out.push_str(line.trim_end());
+        out.push('\n');
+    }
+    out
+}
+
+fn pages() -> Vec<Page> {
+    vec![
+        Page::of::<tool::imu_read::Args>(&[2, 69], &["solve-pose", "timesync"]),
+        Page::of::<tool::timesync::Args>(&[2, 69], &["scan-capture", "compensate-delay"]),
+        Page::of::<tool::compensate_delay::Args>(&[2, 69], &["solve-pose", "ads-push"]),
+        Page::of::<tool::ads_push::Args>(&[2, 69], &["compensate-delay", "report"]),
+    ]
+}
+
+fn man_dir() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("man")
+}
+
+#[test]
+fn the_pages_say_what_the_help_says() {
+    let update = std::env::var_os("UPDATE_MAN").is_some();
+    let mut stale = Vec::new();
+    for page in pages() {
+        let path = man_dir().join(format!("{}.1", page.name()));
+        let text = page.render();
+        if update {
+            fs::write(&path, &text).unwrap();
+        } else if fs::read_to_string(&path).unwrap_or_default() != text {
+            stale.push(path);
+        }
+    }
+    assert!(stale.is_empty(), "stale, run `make man`: {stale:?}");
+}
+
+#[test]
+fn every_tool_has_a_page_and_every_page_a_tool() {
+    let mut tools: Vec<String> = fs::read_dir(man_dir().join("../src/bin"))
+        .unwrap()
+        .map(|entry| {
+            entry
+                .unwrap()
+                .path()
+                .file_stem()
+                .unwrap()
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect();
+    let mut pages: Vec<String> = pages().iter().map(|page| page.name().to_owned()).collect();
+    tools.sort();
+    pages.sort();
+    assert_eq!(tools, pages);
+}
+
+#[test]
+fn the_overview_names_every_tool() {
+    let overview = fs::read_to_string(man_dir().join("cablepose.7")).unwrap();
+    for page in pages() {
+        let name = page.name().replace('-', "\\-");
+        assert!(overview.contains(&name), "cablepose.7 does not name {name}");
+    }
+}
