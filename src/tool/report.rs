@@ -15,11 +15,12 @@ use std::time::Duration;
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  report --truth truth.csv poses.csv
-  report --truth truth.csv --html report.html vote=vote.csv joint=joint.csv
-  solve-pose -f frame.toml lines.csv | report --truth truth.csv joint=-
-  report --truth truth.csv --zone 'low=z<=3.5' --zone 'high=z>3.5' poses.csv
-  report --truth truth.csv --json --fail-if 'x.rms_mm>4.1' --fail-if 'scans.solved_pct<100' poses.csv
+  simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
+    | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
+  report --truth truth.csv --html report.html poses.csv
+  report --truth truth.csv vote=<(solve-pose -f frame.toml --method vote lines.csv) joint=poses.csv
+  report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  report --truth truth.csv --json --fail-if 'x.rms_mm>50' --fail-if 'scans.solved_pct<50' poses.csv
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
