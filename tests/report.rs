@@ -186,9 +186,8 @@ fn the_page_is_whole_small_and_quiet() {
         );
     }
     for name in NAMES {
-        assert!(one.contains(&format!(
-            "aria-label=\"Error in {name}, with the solver’s ±3σ\""
-        )));
+        let over_time = format!("aria-label=\"Error in {name}, with the solver’s ±3σ\"");
+        assert_eq!(one.matches(&over_time).count(), 1, "{name}");
         assert!(one.contains(&format!(
             "aria-label=\"Distribution of the error in {name}\""
         )));
