@@ -1,16 +1,16 @@
 //! report: error statistics of poses against a true or desired trajectory.
 
+mod inputs;
+
 use super::common::{CommonArgs, parse_duration};
-use crate::record::{Pose, TrajectoryPoint};
 use crate::report::{
-    Association, Case, Gate, Limits, Reference, Report, Run, Settings, Zone, evaluate, json,
-    origin, page, terminal,
+    Association, Case, Gate, Limits, Reference, Report, Settings, Zone, evaluate, json, origin,
+    page, terminal,
 };
-use crate::stream::{Fault, Input, Options, Outcome, Role, StreamCopy, copies};
+use crate::stream::{Fault, Options, Outcome, Role};
 use anyhow::Context;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::thread;
 use std::time::Duration;
 
 const EXAMPLES: &str = "\
@@ -141,12 +141,12 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         ),
     };
     let given = args.truth.is_some() || args.desired.is_some();
-    let (runs, points) = read(&sources, &path, role, options).map_err(|error| match given {
-        true => error,
-        false => {
-            error.context("without --truth or --desired, the first run must be MCAP with /truth")
-        }
-    })?;
+    let (runs, points) =
+        inputs::read(&sources, &path, role, options).map_err(|error| match given {
+            true => error,
+            false => error
+                .context("without --truth or --desired, the first run must be MCAP with /truth"),
+        })?;
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
@@ -186,103 +186,6 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         date: std::env::var("SOURCE_DATE_EPOCH")
             .ok()
             .and_then(|s| origin::date(&s)),
-    })
-}
-
-/// Reads all inputs at the same time: they may be branches of one pipeline, where a branch that is
-/// not read holds up the others.
-fn read(
-    sources: &[origin::Source],
-    reference: &Path,
-    role: Role,
-    options: &Options,
-) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
-    let is_file = std::fs::metadata(reference).is_ok_and(|m| m.is_file());
-    let shared = sources.iter().position(|s| s.path == reference && !is_file);
-    let mut halves = match shared {
-        Some(_) => copies(Some(reference))?.map(Some),
-        None => [None, None],
-    };
-    thread::scope(|scope| {
-        let half = halves[1].take();
-        let points = scope.spawn(move || read_reference(reference, half, role, options));
-        let mut runs = Vec::new();
-        for (i, source) in sources.iter().enumerate() {
-            let half = if shared == Some(i) {
-                halves[0].take()
-            } else {
-                None
-            };
-            runs.push(scope.spawn(move || read_run(source, half, options)));
-        }
-        let runs = runs
-            .into_iter()
-            .map(joined)
-            .collect::<anyhow::Result<Vec<Run>>>();
-        let points = joined(points);
-        Ok((runs?, points?))
-    })
-}
-
-fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow::Result<T> {
-    thread
-        .join()
-        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-fn read_reference(
-    path: &Path,
-    half: Option<StreamCopy>,
-    role: Role,
-    options: &Options,
-) -> anyhow::Result<Vec<TrajectoryPoint>> {
-    let mut input = match half {
-        Some(bytes) => {
-            let mut all = options.clone();
-            all.window = Default::default();
-            Input::from_reader(bytes, &origin::input_name(path), role, &all)?
-        }
-        None => Input::open_trajectory(Some(path), role, options)?,
-    };
-    let mut points = Vec::new();
-    while let Some(point) = input.next()? {
-        points.push(*point);
-    }
-    Ok(points)
-}
-
-fn read_run(
-    source: &origin::Source,
-    half: Option<StreamCopy>,
-    options: &Options,
-) -> anyhow::Result<Run> {
-    let mut input: Input<Pose> = match half {
-        Some(bytes) => Input::from_reader(
-            bytes,
-            &origin::input_name(&source.path),
-            Role::Truth,
-            options,
-        )?,
-        None => Input::open(Some(&source.path), options)?,
-    };
-    let mut poses = Vec::new();
-    while let Some(pose) = input.next()? {
-        poses.push(pose.clone());
-    }
-    let stages = input.provenance().iter();
-    let stages = stages.map(|stage| {
-        let seed = stage
-            .seed
-            .map(|s| format!("  # seed {s}"))
-            .unwrap_or_default();
-        let command = origin::command_without_folders(&stage.command);
-        format!("{command}{seed}  # {} {}", stage.tool, stage.version)
-    });
-    Ok(Run {
-        name: source.name.clone(),
-        source: origin::input_name(&source.path),
-        stages: stages.collect(),
-        poses,
     })
 }
 
