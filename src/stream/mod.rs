@@ -15,6 +15,7 @@
 
 mod cdr;
 mod check;
+mod copies;
 mod csv;
 pub mod exit;
 mod filter;
@@ -35,6 +36,7 @@ pub mod viewer;
 mod window;
 
 pub use check::{BadField, StreamRecord};
+pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;
