@@ -6,20 +6,20 @@ mod shell;
 use shell::{NOT_BUILT, TOOLS, scratch, sh};
 use std::path::Path;
 
-/// The commands under EXAMPLES in a tool's `--help`: indented lines, joined where one ends with a
-/// backslash; a line that starts with `#` is a remark.
+/// The commands under EXAMPLES in a tool's `--help`: lines indented by four, joined where one ends
+/// with a backslash. What is indented by two says what the next command does.
 fn examples(help: &str) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     let mut open = false;
     let section = help
         .lines()
-        .skip_while(|line| line.trim_end_matches(':') != "EXAMPLES")
+        .skip_while(|line| *line != "EXAMPLES")
         .skip(1)
         .take_while(|line| line.is_empty() || line.starts_with(' '));
-    for line in section.map(str::trim) {
-        if line.is_empty() || (line.starts_with('#') && !open) {
-            continue;
-        }
+    for line in section
+        .filter(|line| line.starts_with("    "))
+        .map(str::trim)
+    {
         let (text, more) = match line.strip_suffix('\\') {
             Some(text) => (text, true),
             None => (line, false),
@@ -129,6 +129,7 @@ fn a_tool_that_is_not_built_says_so_and_ends_with_status_69() {
 
 #[test]
 fn examples_are_found_in_a_help_text() {
-    let help = "Options:\n  -h\n\nEXAMPLES\n  # a remark\n  simulate \\\n    | report -\n\n  report x\n\nSEE ALSO\n  more\n";
+    let help = "Options:\n  -h\n\nEXAMPLES\n  A remark:\n    simulate \\\n      | report -\n  \
+        Another:\n    report x\n\nSEE ALSO\n    more\n";
     assert_eq!(examples(help), ["simulate | report -", "report x"]);
 }

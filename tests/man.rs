@@ -85,33 +85,33 @@ impl Page {
     }
 }
 
-/// `after_long_help` as sections: a line that is all capitals opens one, indented lines are shown
-/// as they are, the rest is running text.
+/// `after_long_help` as sections: a line that is all capitals opens one, lines indented by four or
+/// more are shown as they are, the rest is running text.
 fn more_sections(text: &str, roff: &mut Roff) {
     let mut verbatim = false;
     for line in text.lines() {
-        let indented = line.starts_with(' ');
-        if indented != verbatim && !line.trim().is_empty() {
-            if indented {
-                roff.control("PP", []).control("nf", []);
+        let as_it_is = line.starts_with("    ");
+        if as_it_is != verbatim && !line.is_empty() {
+            if as_it_is {
+                roff.control("RS", []).control("nf", []);
             } else {
-                roff.control("fi", []);
+                roff.control("fi", []).control("RE", []);
             }
-            verbatim = indented;
+            verbatim = as_it_is;
         }
-        let words = line.trim_end().trim_end_matches(':');
-        if is_heading(words) {
-            roff.control("SH", [words]);
-        } else if !line.trim().is_empty() {
-            roff.text([roman(line)]);
-        } else if !verbatim {
-            roff.control("PP", []);
-        } else {
-            roff.text([roman("")]);
+        if verbatim {
+            roff.text([roman(line.strip_prefix("    ").unwrap_or(line))]);
+        } else if is_heading(line) {
+            roff.control("SH", [line]);
+        } else if !line.is_empty() {
+            if line.starts_with("  ") {
+                roff.control("PP", []);
+            }
+            roff.text([roman(line.trim_start())]);
         }
     }
     if verbatim {
-        roff.control("fi", []);
+        roff.control("fi", []).control("RE", []);
     }
 }
 
