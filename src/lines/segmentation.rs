@@ -6,7 +6,7 @@
 //! if the beam were not there.
 
 use super::fit::BeamSlice;
-use crate::record::Scan;
+use crate::record::{BeamTable, Scan};
 use std::f64::consts::TAU;
 
 /// Where a scan is cut.
@@ -44,7 +44,7 @@ impl Default for SegmentationOptions {
 /// starts behind its widest jump (or, without one, at its farthest point, which is a corner).
 #[derive(Clone, Debug, Default)]
 pub struct Returns {
-    directions: Directions,
+    directions: BeamTable,
     beam: Vec<u32>,
     range_m: Vec<f64>,
     y_m: Vec<f64>,
@@ -58,7 +58,7 @@ pub struct Returns {
 impl Returns {
     /// Takes in a scan.
     pub fn read(&mut self, scan: &Scan, options: &SegmentationOptions) {
-        self.directions.update(scan);
+        self.directions.fit(scan);
         self.all_round = sees_all_round(scan);
         self.collect(scan, options);
         let rule = BreakRule::new(scan, options);
@@ -112,10 +112,10 @@ impl Returns {
         } else {
             f64::MIN_POSITIVE
         };
-        let directions = self.directions.cos.iter().zip(&self.directions.sin);
         let mut k = 0;
         // Every beam is written where the next valid one belongs, which spares a branch a beam.
-        for (i, (range_m, (cos, sin))) in scan.ranges_m.iter().zip(directions).enumerate() {
+        let beams = scan.ranges_m.iter().zip(&self.directions.cos_sin);
+        for (i, (range_m, (cos, sin))) in beams.enumerate() {
             self.beam[k] = i as u32;
             self.range_m[k] = *range_m;
             self.y_m[k] = range_m * cos;
@@ -299,35 +299,6 @@ impl BreakRule {
             // So many beams are missing that nothing but the gap itself says whether this is one
             // surface.
             f64::INFINITY
-        }
-    }
-}
-
-/// Cosine and sine of every beam's angle, kept as long as the scanner's settings do not change.
-#[derive(Clone, Debug, Default)]
-struct Directions {
-    angle_min_rad: f64,
-    angle_increment_rad: f64,
-    cos: Vec<f64>,
-    sin: Vec<f64>,
-}
-
-impl Directions {
-    fn update(&mut self, scan: &Scan) {
-        let same = self.cos.len() == scan.beams()
-            && self.angle_min_rad == scan.angle_min_rad
-            && self.angle_increment_rad == scan.angle_increment_rad;
-        if same {
-            return;
-        }
-        self.angle_min_rad = scan.angle_min_rad;
-        self.angle_increment_rad = scan.angle_increment_rad;
-        self.cos.clear();
-        self.sin.clear();
-        for i in 0..scan.beams() {
-            let (sin, cos) = scan.angle_rad(i).sin_cos();
-            self.cos.push(cos);
-            self.sin.push(sin);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::columns::{self, Record, Value, ValueError, Visit, VisitMut};
 use super::time::Stamp;
-use super::{Presence, upper_index};
+use super::{Presence, Scan, upper_index};
 
 /// A line in the scan plane of S: `y cos(alpha) + z sin(alpha) = d`, `d >= 0`.
 ///
@@ -250,6 +250,27 @@ impl Default for ReflectorLines {
 }
 
 impl ReflectorLines {
+    /// Empties the record for another scan. The reference instant is when the beam at 90 degrees
+    /// fires, whether the scan has one or not.
+    pub fn begin(&mut self, scan: &Scan) {
+        let mut edges = std::mem::take(&mut self.edges);
+        let mut joint_cov = std::mem::take(&mut self.joint_cov);
+        edges.clear();
+        joint_cov.clear();
+        let beams = (std::f64::consts::FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
+        let after_s = beams * scan.time_increment_s;
+        *self = ReflectorLines {
+            stamp: scan
+                .stamp
+                .plus_s(if after_s.is_finite() { after_s } else { 0.0 }),
+            scan_stamp: scan.stamp,
+            seq: scan.seq,
+            edges,
+            joint_cov,
+            ..ReflectorLines::default()
+        };
+    }
+
     /// The lines in the order of [`LINE_STATE`]: right, upper, left.
     pub fn lines(&self) -> [&FittedLine; 3] {
         [&self.right, &self.upper, &self.left]

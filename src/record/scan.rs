@@ -20,7 +20,8 @@ pub struct Scan {
     pub stamp: Stamp,
     /// Host clock when the last byte had arrived.
     pub received: Option<Stamp>,
-    /// The device's own clock at `stamp`, unwrapped.
+    /// The device's own clock, unwrapped: for a scanner that stamps its zero index, at that index
+    /// (a constant time before `stamp`).
     pub device: Option<Stamp>,
     /// Running number; a gap is a lost scan.
     pub seq: u32,

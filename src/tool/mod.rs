@@ -4,7 +4,10 @@
 pub mod ads_push;
 pub mod common;
 pub mod compensate_delay;
+pub mod extract_lines;
 pub mod imu_read;
+pub mod simulate;
+pub mod solve_pose;
 pub mod timesync;
 
 use crate::stream::{Fault, Outcome, exit};

@@ -1,0 +1,51 @@
+//! The components that errors are reported for, with the unit people read them in.
+
+/// One reported component.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Name, as in `x.rms_mm`.
+    pub name: &'static str,
+    /// Unit in the names of statistics.
+    pub unit: &'static str,
+    /// Unit as printed.
+    pub symbol: &'static str,
+    /// How many of the unit make a metre or a radian.
+    pub factor: f64,
+    /// Decimals that a person wants to see.
+    pub decimals: usize,
+}
+
+const fn length(name: &'static str) -> Axis {
+    Axis {
+        name,
+        unit: "mm",
+        symbol: "mm",
+        factor: 1e3,
+        decimals: 2,
+    }
+}
+
+const fn angle(name: &'static str) -> Axis {
+    Axis {
+        name,
+        unit: "deg",
+        symbol: "°",
+        factor: 180.0 / std::f64::consts::PI,
+        decimals: 3,
+    }
+}
+
+/// The six components in the order of [`crate::record::POSE_STATE`], then the distance between
+/// the measured and the reference position.
+pub const AXES: [Axis; 7] = [
+    length("x"),
+    length("y"),
+    length("z"),
+    angle("roll"),
+    angle("pitch"),
+    angle("yaw"),
+    length("position"),
+];
+
+/// Where the position's distance is in [`AXES`].
+pub(super) const POSITION: usize = 6;

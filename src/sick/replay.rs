@@ -1,0 +1,376 @@
+//! Scans from the telegrams of one byte stream, in their order.
+//!
+//! Knows what one telegram cannot tell: which scan is a repetition, how many scans are missing
+//! between two, the period in the device's own time, when the device restarted, and the host's time
+//! of each scan.
+//!
+//! **Time.** The device stamps a scan at its zero index, before the first beam. With arrival times
+//! its clock is mapped to the host's by the causal lower envelope of arrival minus transmission
+//! ([`LowerEnvelope`]). Without them the time since the device's start-up counts from
+//! [`Settings::epoch`], from the device's calendar if somebody has set it, or from 1970.
+
+use super::scan::{self, BeamTiming, ScanError};
+use super::scandata::LmdScandata;
+use crate::clock::{LowerEnvelope, Tick, TickUnwrapper};
+use crate::record::{Scan, Stamp};
+use std::collections::VecDeque;
+
+/// Scans over which the offset of the clocks is taken from the earliest arrival.
+const ENVELOPE_SCANS: usize = 50;
+/// Scans over which the period is averaged.
+const PERIOD_SCANS: usize = 32;
+/// How many scans back a repetition is recognised.
+const REMEMBERED: usize = 16;
+/// How far a measured period may be from the nominal one and still be a period.
+const PERIOD_TOLERANCE: f64 = 0.2;
+
+/// What a replay is told from outside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Host time of the first scan's zero index, where there are no arrival times; with them, what
+    /// is added to them.
+    pub epoch: Option<Stamp>,
+    /// From the zero index to the beam at `aperture_start_rad`, s.
+    pub index_to_first_beam_s: f64,
+    /// Where the device's aperture begins, rad: a telegram whose range is cut begins later.
+    pub aperture_start_rad: f64,
+    /// Smallest range the device can measure, m; none is the smallest it can send.
+    pub range_min_m: Option<f64>,
+}
+
+impl Default for Settings {
+    /// An LMS5xx: its aperture begins at -5 deg. A device that begins before that is taken to send
+    /// all of its aperture.
+    fn default() -> Self {
+        Settings {
+            epoch: None,
+            index_to_first_beam_s: 0.0,
+            aperture_start_rad: (-5.0f64).to_radians(),
+            range_min_m: None,
+        }
+    }
+}
+
+/// What happened on the way, counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Scans given out.
+    pub scans: u64,
+    /// Telegrams that repeat a scan: retransmissions, or polls without a new scan.
+    pub repeated: u64,
+    /// Scans that the scan counter passed over.
+    pub missing: u64,
+    /// Scans that came after a newer one.
+    pub late: u64,
+    /// Times that the scan counter began anew while the clock ran on.
+    pub counter_restarts: u64,
+    /// Times that the device restarted or another one took its place.
+    pub restarts: u64,
+    /// Scans whose device status was not (0, 0).
+    pub flagged: u64,
+    /// Scans without an arrival time although others have one.
+    pub without_arrival: u64,
+}
+
+/// Makes scans of telegrams.
+#[derive(Debug)]
+pub struct Replay {
+    settings: Settings,
+    counts: Counts,
+    session: Option<Session>,
+    /// Stamp and period of the newest scan, for the time after a restart.
+    newest: Option<(Stamp, f64)>,
+    any_arrival: bool,
+    scan: Scan,
+}
+
+/// What is known of a device since it was started.
+#[derive(Debug)]
+struct Session {
+    serial_number: u32,
+    ticks: TickUnwrapper,
+    newest: Newest,
+    recent: VecDeque<Key>,
+    /// Scan number and time (us) of the last scans made in even succession.
+    history: VecDeque<(i64, i64)>,
+    envelope: LowerEnvelope,
+    /// Host minus device time where there are no arrival times, ns.
+    offset_ns: i64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    counter: u16,
+    layer: u16,
+    number: i64,
+    tick: u32,
+    us: i64,
+    arrival_ns: Option<i64>,
+}
+
+/// What tells one scan from another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Key {
+    counter: u16,
+    tick: u32,
+    layer: u16,
+}
+
+impl Key {
+    fn of(telegram: &LmdScandata) -> Key {
+        Key {
+            counter: telegram.scan_counter,
+            tick: telegram.scan_tick_us,
+            layer: telegram.layer,
+        }
+    }
+}
+
+impl Replay {
+    /// A replay at the start of a stream.
+    pub fn new(settings: Settings) -> Replay {
+        Replay {
+            settings,
+            counts: Counts::default(),
+            session: None,
+            newest: None,
+            any_arrival: false,
+            scan: Scan::default(),
+        }
+    }
+
+    /// What happened so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Takes the next telegram, with the host's time in ns when it had arrived if that is known.
+    /// Gives its scan, or none if it repeats one.
+    pub fn push(
+        &mut self,
+        telegram: &LmdScandata,
+        arrival_ns: Option<i64>,
+    ) -> Result<Option<&Scan>, ScanError> {
+        scan::check(telegram)?;
+        let key = Key::of(telegram);
+        if let Some(session) = &self.session
+            && session.serial_number == telegram.serial_number
+            && session.recent.contains(&key)
+        {
+            self.counts.repeated += 1;
+            return Ok(None);
+        }
+        let first_number = self.next_number();
+        let session = match self.session.take() {
+            Some(session) if session.serial_number == telegram.serial_number => session,
+            other => {
+                self.counts.restarts += u64::from(other.is_some());
+                Session::new(telegram, first_number)
+            }
+        };
+        let mut session = self.session.insert(session);
+        let mut number = session.place(telegram, arrival_ns, &mut self.counts);
+        if number.is_none() {
+            self.counts.restarts += 1;
+            session = self.session.insert(Session::new(telegram, first_number));
+            number = session.place(telegram, arrival_ns, &mut self.counts);
+        }
+        let Some((number, us)) = number else {
+            return Ok(None);
+        };
+        session.remember(key);
+        let timing = BeamTiming {
+            period_s: session.period_s(telegram),
+            index_to_first_beam_s: self.settings.index_to_first_beam_s,
+            aperture_start_rad: self.settings.aperture_start_rad,
+        };
+        let transmit_us = us + transmit_after_scan_us(telegram);
+        self.any_arrival |= arrival_ns.is_some();
+        self.counts.without_arrival += u64::from(self.any_arrival && arrival_ns.is_none());
+        if session.recent.len() == 1 {
+            session.offset_ns = start_offset_ns(&self.settings, self.newest, telegram, us);
+        }
+        let epoch_ns = self.settings.epoch.map_or(0, Stamp::ns);
+        let received_ns = arrival_ns.map(|arrival| arrival.saturating_add(epoch_ns));
+        if let Some(received) = received_ns {
+            session
+                .envelope
+                .push(received.saturating_sub(transmit_us * 1000));
+        }
+        let offset_ns = session.envelope.offset_ns().unwrap_or(session.offset_ns);
+
+        let record = &mut self.scan;
+        scan::fill(record, telegram, timing, self.settings.range_min_m);
+        record.seq = u32::try_from(number).unwrap_or(0);
+        record.received = received_ns.map(Stamp::from_ns);
+        record.device = Some(Stamp::from_ns(us * 1000));
+        let index = Stamp::from_ns(offset_ns.saturating_add(us * 1000));
+        record.stamp = index.plus_s(timing.first_beam_s(record.angle_min_rad));
+        if let Some(info) = &mut record.info {
+            info.transmit = Some(Stamp::from_ns(transmit_us * 1000));
+        }
+        self.newest = Some((record.stamp, timing.period_s));
+        self.counts.scans += 1;
+        self.counts.flagged += u64::from(telegram.device_status != [0, 0]);
+        Ok(Some(&self.scan))
+    }
+
+    /// The number of a scan that follows the newest one without a known gap.
+    fn next_number(&self) -> i64 {
+        let newest = self.session.as_ref().map(|session| session.newest.number);
+        newest.map_or(0, |number| number + 1)
+    }
+}
+
+/// Host minus device time at the first scan since a (re)start, ns.
+fn start_offset_ns(
+    settings: &Settings,
+    newest: Option<(Stamp, f64)>,
+    telegram: &LmdScandata,
+    us: i64,
+) -> i64 {
+    let calendar = telegram.time.filter(|time| time.is_set());
+    let calendar = calendar.and_then(|time| time.stamp());
+    match (settings.epoch, newest, calendar) {
+        (Some(epoch), None, _) => epoch.ns() - us * 1000,
+        (Some(_), Some((stamp, period_s)), _) => stamp.plus_s(period_s).ns() - us * 1000,
+        (None, _, Some(calendar)) => calendar.ns() - (us + transmit_after_scan_us(telegram)) * 1000,
+        (None, _, None) => 0,
+    }
+}
+
+/// From the zero index to the transmission, us; the counter may wrap between them.
+fn transmit_after_scan_us(telegram: &LmdScandata) -> i64 {
+    let delay = telegram
+        .transmit_tick_us
+        .wrapping_sub(telegram.scan_tick_us);
+    i64::from(delay.cast_signed())
+}
+
+/// The nominal period, s.
+fn nominal_period_s(telegram: &LmdScandata) -> Option<f64> {
+    let hundredths = telegram.scan_frequency;
+    (hundredths > 0).then(|| 100.0 / f64::from(hundredths))
+}
+
+impl Session {
+    fn new(telegram: &LmdScandata, number: i64) -> Session {
+        Session {
+            serial_number: telegram.serial_number,
+            ticks: TickUnwrapper::default(),
+            newest: Newest {
+                counter: telegram.scan_counter,
+                layer: telegram.layer,
+                number,
+                tick: telegram.scan_tick_us,
+                us: i64::from(telegram.scan_tick_us),
+                arrival_ns: None,
+            },
+            recent: VecDeque::with_capacity(REMEMBERED + 1),
+            history: VecDeque::with_capacity(PERIOD_SCANS + 2),
+            envelope: LowerEnvelope::new(ENVELOPE_SCANS),
+            offset_ns: 0,
+        }
+    }
+
+    fn remember(&mut self, key: Key) {
+        if self.recent.len() == REMEMBERED {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(key);
+    }
+
+    /// The scan's number and its time since start-up, us; none if the device has restarted.
+    fn place(
+        &mut self,
+        telegram: &LmdScandata,
+        arrival_ns: Option<i64>,
+        counts: &mut Counts,
+    ) -> Option<(i64, i64)> {
+        let last = self.newest;
+        let elapsed_us = match (arrival_ns, last.arrival_ns) {
+            (Some(now), Some(then)) => Some(now.saturating_sub(then) / 1000),
+            _ => None,
+        };
+        let is_first = self.ticks.newest_us().is_none();
+        let us = match self.ticks.push(telegram.scan_tick_us, elapsed_us) {
+            Tick::Restart(_) => return None,
+            Tick::Late(us) => {
+                counts.late += 1;
+                let behind = last.counter.wrapping_sub(telegram.scan_counter);
+                return Some(((last.number - i64::from(behind)).max(0), us));
+            }
+            Tick::Forward(us) => us,
+        };
+        let number = if is_first {
+            last.number
+        } else {
+            let step = self.step(telegram, us, counts);
+            if step.is_none() && telegram.scan_tick_us < last.tick && elapsed_us.is_none() {
+                return None; // the counter began anew where the clock would have to have wrapped
+            }
+            last.number + step.unwrap_or(1)
+        };
+        self.newest = Newest {
+            counter: telegram.scan_counter,
+            layer: telegram.layer,
+            number,
+            tick: telegram.scan_tick_us,
+            us,
+            arrival_ns,
+        };
+        self.note_period(telegram, number, us);
+        Some((number, us))
+    }
+
+    /// How many scans on from the newest this one is; none if the scan counter began anew.
+    fn step(&self, telegram: &LmdScandata, us: i64, counts: &mut Counts) -> Option<i64> {
+        let last = self.newest;
+        let step = i64::from(telegram.scan_counter.wrapping_sub(last.counter));
+        if step == 0 && telegram.layer != last.layer {
+            return Some(0); // another layer of the same scan
+        }
+        // The device may stand still for any time between two scans, but it cannot make more of
+        // them than the time allows.
+        let elapsed_s = (us - last.us) as f64 * 1e-6;
+        let most = nominal_period_s(telegram).map_or(f64::INFINITY, |period_s| {
+            1.5 + elapsed_s / (period_s * (1.0 - PERIOD_TOLERANCE))
+        });
+        if step >= 1 && step as f64 <= most {
+            counts.missing += (step - 1) as u64;
+            Some(step)
+        } else {
+            counts.counter_restarts += 1;
+            None
+        }
+    }
+
+    /// Keeps the scans from which the period is measured.
+    fn note_period(&mut self, telegram: &LmdScandata, number: i64, us: i64) {
+        if let Some(&(last_number, last_us)) = self.history.back() {
+            if number == last_number {
+                return;
+            }
+            let period_s = (us - last_us) as f64 * 1e-6 / (number - last_number) as f64;
+            let uneven = nominal_period_s(telegram)
+                .is_some_and(|nominal_s| (period_s / nominal_s - 1.0).abs() > PERIOD_TOLERANCE);
+            if uneven {
+                self.history.clear();
+            }
+        }
+        self.history.push_back((number, us));
+        if self.history.len() > PERIOD_SCANS + 1 {
+            self.history.pop_front();
+        }
+    }
+
+    /// The mean period of the last scans, s; the nominal one before there are two of them.
+    fn period_s(&self, telegram: &LmdScandata) -> f64 {
+        match (self.history.front(), self.history.back()) {
+            (Some((n0, us0)), Some((n1, us1))) if n1 > n0 => {
+                (us1 - us0) as f64 * 1e-6 / (n1 - n0) as f64
+            }
+            _ => nominal_period_s(telegram).unwrap_or(f64::NAN),
+        }
+    }
+}

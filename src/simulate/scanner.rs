@@ -1,0 +1,206 @@
+//! The scanner's beams: their angles and when they fire.
+
+use super::rotation;
+use crate::frame::{Frame, ScanMode, ScannerModel};
+use nalgebra::{Rotation3, Vector3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Why a scanner cannot run as asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModeError {
+    /// The model is not known.
+    #[error("scanner model \"{name}\" is not known; one of {known}")]
+    Model {
+        /// As asked.
+        name: String,
+        /// All names.
+        known: String,
+    },
+    /// The model has no such mode.
+    #[error("{model} has no mode {asked}; valid neighbours: {valid}")]
+    Mode {
+        /// The model.
+        model: &'static str,
+        /// As asked.
+        asked: String,
+        /// Modes that share the frequency or the resolution.
+        valid: String,
+    },
+}
+
+/// A scanner in one of its modes, mounted on P.
+#[derive(Clone, Debug)]
+pub struct Scanner {
+    /// The data sheet.
+    pub model: &'static ScannerModel,
+    /// Frequency and resolution.
+    pub mode: ScanMode,
+    /// r_PS, m.
+    position_m: Vector3<f64>,
+    /// S in P.
+    rotation: Rotation3<f64>,
+    /// Beam directions in S.
+    beams: Vec<Vector3<f64>>,
+}
+
+/// The model of a name, or the frame's.
+pub fn model(frame: &Frame, name: Option<&str>) -> Result<&'static ScannerModel, ModeError> {
+    let Some(name) = name else {
+        return Ok(frame.scanner_model());
+    };
+    ScannerModel::by_name(name).ok_or_else(|| {
+        let names: Vec<&str> = ScannerModel::all().iter().map(|m| m.name).collect();
+        ModeError::Model {
+            name: name.to_owned(),
+            known: names.join(", "),
+        }
+    })
+}
+
+/// The mode with the given frequency and resolution; where one is not given, the model's first that
+/// has the other; where neither is, its first.
+pub fn mode(
+    model: &'static ScannerModel,
+    frequency_hz: Option<f64>,
+    resolution_deg: Option<f64>,
+) -> Result<ScanMode, ModeError> {
+    let fits = |mode: &&ScanMode| {
+        let (frequency, resolution) = (mode.frequency_hz, mode.resolution_deg());
+        model
+            .mode(
+                frequency_hz.unwrap_or(frequency),
+                resolution_deg.unwrap_or(resolution),
+            )
+            .is_some_and(|found| found == **mode)
+    };
+    if let Some(mode) = model.modes.iter().find(fits) {
+        return Ok(*mode);
+    }
+    let asked = [
+        frequency_hz.map(|hz| format!("{hz} Hz")),
+        resolution_deg.map(|deg| format!("{deg} deg")),
+    ];
+    let neighbours = model.neighbours(
+        frequency_hz.unwrap_or(f64::NAN),
+        resolution_deg.unwrap_or(f64::NAN),
+    );
+    let valid: Vec<String> = neighbours.iter().map(ToString::to_string).collect();
+    Err(ModeError::Mode {
+        model: model.name,
+        asked: asked.into_iter().flatten().collect::<Vec<_>>().join("/"),
+        valid: valid.join(", "),
+    })
+}
+
+impl Scanner {
+    /// The frame's mounting with a model and a mode.
+    pub fn new(frame: &Frame, model: &'static ScannerModel, mode: ScanMode) -> Scanner {
+        let [first_deg, last_deg] = model.aperture_deg;
+        let steps = ((last_deg - first_deg) / mode.resolution_deg() + 1e-9).floor() as usize;
+        let mut scanner = Scanner {
+            model,
+            mode,
+            position_m: Vector3::from(frame.scanner.position_m),
+            rotation: rotation::attitude_deg(frame.scanner.rotation_deg).to_rotation_matrix(),
+            beams: vec![Vector3::zeros(); steps + 1],
+        };
+        scanner.turn(0.0);
+        scanner
+    }
+
+    /// Number of beams.
+    pub fn count(&self) -> usize {
+        self.beams.len()
+    }
+
+    /// Angle of the first beam, rad.
+    pub fn angle_min_rad(&self) -> f64 {
+        self.model.aperture_deg[0].to_radians()
+    }
+
+    /// Angle of a beam as the device states it, rad.
+    pub fn angle_rad(&self, beam: usize) -> f64 {
+        self.angle_min_rad() + beam as f64 * self.mode.resolution_rad()
+    }
+
+    /// From beam to beam, s: increment / (2 pi f).
+    pub fn time_increment_s(&self) -> f64 {
+        self.mode.resolution_rad() / (TAU * self.mode.frequency_hz)
+    }
+
+    /// From scan to scan, s: the mirror turns on outside the field of view.
+    pub fn period_s(&self) -> f64 {
+        1.0 / self.mode.frequency_hz
+    }
+
+    /// From the first beam to the reference instant, when the beam at 90 degrees fires (or would,
+    /// where the angles miss it), s.
+    pub fn reference_s(&self) -> f64 {
+        (FRAC_PI_2 - self.angle_min_rad()) / self.mode.resolution_rad() * self.time_increment_s()
+    }
+
+    /// From the first beam to the last, s.
+    pub fn sweep_s(&self) -> f64 {
+        (self.count() - 1) as f64 * self.time_increment_s()
+    }
+
+    /// Turns all beams by `offset_rad` against the angles that the device states.
+    pub fn turn(&mut self, offset_rad: f64) {
+        let (first, step) = (self.angle_min_rad(), self.mode.resolution_rad());
+        for (k, beam) in self.beams.iter_mut().enumerate() {
+            let (sin, cos) = libm::sincos(first + k as f64 * step + offset_rad);
+            *beam = self.rotation * Vector3::new(0.0, cos, sin);
+        }
+    }
+
+    /// Origin and direction of a beam in P (origin m, direction a unit vector).
+    pub fn beam(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
+        (self.position_m, self.beams[index])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn frame() -> Frame {
+        let text = include_str!("../../testdata/cablar.toml");
+        Frame::parse(text, Path::new("cablar.toml")).unwrap()
+    }
+
+    #[test]
+    fn beams_of_every_mode() {
+        let frame = frame();
+        let hr = model(&frame, None).unwrap();
+        let counts: Vec<usize> = hr
+            .modes
+            .iter()
+            .map(|mode| Scanner::new(&frame, hr, *mode).count())
+            .collect();
+        assert_eq!(counts, [761, 1141, 761, 381, 571, 381, 381, 191, 286, 191]);
+        let utm = model(&frame, Some("utm-30lx")).unwrap();
+        assert_eq!(Scanner::new(&frame, utm, utm.modes[0]).count(), 1081);
+        let lms200 = model(&frame, Some("lms200")).unwrap();
+        assert_eq!(Scanner::new(&frame, lms200, lms200.modes[0]).count(), 361);
+        let scanner = Scanner::new(&frame, hr, hr.modes[0]);
+        // 35 Hz: 1440 steps a revolution, 380 of them up to 90 deg.
+        assert!((scanner.time_increment_s() - 1.0 / 35.0 / 1440.0).abs() < 1e-18);
+        assert!((scanner.reference_s() - 380.0 / 35.0 / 1440.0).abs() < 1e-15);
+        assert!((scanner.angle_rad(380) - FRAC_PI_2).abs() < 1e-12);
+        assert!((scanner.beam(380).1 - Vector3::z()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn modes_are_found_or_refused_with_neighbours() {
+        let hr = model(&frame(), None).unwrap();
+        assert_eq!(mode(hr, None, None).unwrap().frequency_hz, 35.0);
+        assert_eq!(mode(hr, Some(75.0), None).unwrap().resolution_deg(), 0.5);
+        assert_eq!(mode(hr, None, Some(0.3333)).unwrap().frequency_hz, 50.0);
+        let error = mode(hr, Some(35.0), Some(0.1667)).unwrap_err().to_string();
+        assert!(error.contains("35 Hz/0.1667 deg"), "{error}");
+        assert!(error.contains("25 Hz/0.1667 deg") && error.contains("35 Hz/0.2500 deg"));
+        let error = model(&frame(), Some("lms9")).unwrap_err().to_string();
+        assert!(error.contains("utm-30lx"), "{error}");
+    }
+}
