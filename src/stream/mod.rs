@@ -14,6 +14,7 @@
 //! - The first SIGINT ends a source in good order, and a filter only when the end has come through.
 
 mod check;
+mod copies;
 mod csv;
 pub mod exit;
 mod filter;
@@ -30,6 +31,7 @@ pub mod viewer;
 mod window;
 
 pub use check::{BadField, StreamRecord};
+pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;

@@ -1,0 +1,395 @@
+//! report: error statistics of poses against a true or desired trajectory.
+
+use super::common::{CommonArgs, parse_duration};
+use crate::record::{Pose, TrajectoryPoint};
+use crate::report::{
+    Association, Case, Gate, Limits, Reference, Report, Run, Settings, Zone, evaluate, json,
+    origin, page, terminal,
+};
+use crate::stream::{Fault, Input, Options, Outcome, Role, StreamCopy, copies};
+use anyhow::Context;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+
+const EXAMPLES: &str = "\
+EXAMPLES
+  report --truth truth.csv poses.csv
+  report --truth truth.csv --html report.html vote=vote.csv joint=joint.csv
+  solve-pose -f frame.toml lines.csv | report --truth truth.csv joint=-
+  report --truth truth.csv --zone 'low=z<=3.5' --zone 'high=z>3.5' poses.csv
+  report --truth truth.csv --json --fail-if 'x.rms_mm>4.1' --fail-if 'scans.solved_pct<100' poses.csv
+
+STATISTICS
+  of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
+  (n - 1), rms, median, mad (median of |e - median|), p95, p99, max, min (of |e|; percentiles linear
+  between order statistics, as numpy's), sse. Names are paths in --json: x.rms_mm, yaw.p95_deg,
+  x.nees, nees.x_yaw.nees, scans.solved_pct, scans.words.no-edges.
+
+EXIT STATUS
+  0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
+  condition holds, or its statistic has no value; 65 bad data; 66 no such input; 74 I/O error";
+
+/// Error statistics of poses against a true or desired trajectory
+#[derive(Clone, Debug, clap::Parser)]
+#[command(
+    name = "report",
+    version,
+    about,
+    long_about = "Compares poses with a true or desired trajectory: error statistics per component, over \
+                  time and over the workspace, whether the covariances are honest, what became of every \
+                  scan; one run, or several side by side. Prints a table, or JSON, and makes a page.",
+    after_long_help = EXAMPLES,
+    mut_arg("format", |arg| arg.hide(true))
+)]
+pub struct Args {
+    /// Poses: a file, a FIFO or - for stdin (the default), with a name for the run in front if wanted;
+    /// a file name with = in it is given as ./NAME
+    #[arg(value_name = "[NAME=]POSES")]
+    pub poses: Vec<String>,
+    /// True trajectory [default: /truth in the first run's stream, if that is MCAP]
+    #[arg(long, value_name = "FILE", conflicts_with = "desired")]
+    pub truth: Option<PathBuf>,
+    /// Desired trajectory, to compare with in place of the truth
+    #[arg(long, value_name = "FILE")]
+    pub desired: Option<PathBuf>,
+    /// Reference between two of its points: interpolated, or the nearest point
+    #[arg(long, value_name = "HOW", default_value = "interpolated", value_parser = parse_association)]
+    pub association: Association,
+    /// Longest time between points interpolated between [default: three spacings], or to the nearest
+    /// [default: 10ms]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub max_diff: Option<Duration>,
+    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
+    /// name in front if wanted (low=z<=3.5); several are scored side by side
+    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
+    pub zones: Vec<Zone>,
+    /// Size of the workspace's cells, m [default: from the data]
+    #[arg(long, value_name = "SIZE")]
+    pub cell_m: Option<f64>,
+    /// End with status 4 if the condition holds, as 'x.rms_mm>4.1' or 'joint:yaw.p95_deg>0.2'; several
+    /// allowed
+    #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
+    pub fail_if: Vec<Gate>,
+    /// Print JSON in place of the table
+    #[arg(long)]
+    pub json: bool,
+    /// Write a page with figures
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+    /// Title of the page
+    #[arg(long, value_name = "TEXT")]
+    pub title: Option<String>,
+    /// Print the workspace's cells for y and z too
+    #[arg(long)]
+    pub cells: bool,
+    /// ASCII only [default: where the locale is not UTF-8]
+    #[arg(long)]
+    pub ascii: bool,
+    /// Streams.
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+fn parse_association(text: &str) -> Result<Association, String> {
+    match text {
+        "interpolated" => Ok(Association::Interpolated),
+        "nearest" => Ok(Association::Nearest),
+        _ => Err("interpolated or nearest is wanted".to_owned()),
+    }
+}
+
+/// Runs the tool.
+///
+/// # Errors
+/// As every tool's: what cannot be read or written, or makes no sense.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    let options = args.common.options("report")?;
+    let report = make(&args, &options)?;
+    if let Some(path) = &args.html {
+        write_file(path, &page::write(&report))?;
+    }
+    let text = if args.json {
+        json::write(&report)?
+    } else {
+        terminal::write(&report, style(&args))
+    };
+    match &args.common.output {
+        Some(path) => write_file(path, &text)?,
+        None => {
+            let mut out = std::io::stdout().lock();
+            out.write_all(text.as_bytes())?;
+            out.flush()?;
+        }
+    }
+    Ok(outcome(&report, args.common.quiet))
+}
+
+/// Reads everything and sums it up.
+fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
+    let sources = sources(&args.poses);
+    let (path, role) = match (&args.truth, &args.desired) {
+        (Some(path), _) => (path.clone(), Role::Truth),
+        (None, Some(path)) => (path.clone(), Role::Desired),
+        (None, None) => (first_path(&sources), Role::Truth),
+    };
+    let given = args.truth.is_some() || args.desired.is_some();
+    let (runs, points) = read(&sources, &path, role, options).map_err(|error| match given {
+        true => error,
+        false => {
+            error.context("without --truth or --desired, the first run must be MCAP with /truth")
+        }
+    })?;
+    let limits = Limits {
+        association: args.association,
+        max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
+    };
+    let reference = Reference::new(points, limits);
+    let settings = Settings {
+        zones: args.zones.clone(),
+        cell_m: args.cell_m,
+    };
+    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    let title = args.title.clone();
+    let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
+    let cases = evaluate(runs, &reference, &settings);
+    let judge = |gate: &Gate| {
+        let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
+        if cases.is_empty() {
+            return Err(Fault::Usage(format!(
+                "--fail-if '{}' names no run",
+                gate.text
+            )));
+        }
+        Ok(cases.into_iter().map(|c| gate.judge(c)).collect::<Vec<_>>())
+    };
+    let verdicts: Vec<Vec<_>> = args.fail_if.iter().map(judge).collect::<Result<_, _>>()?;
+    Ok(Report {
+        title,
+        role: if role == Role::Truth {
+            "truth"
+        } else {
+            "desired"
+        },
+        reference_source: source_name(&path),
+        reference,
+        cases,
+        verdicts: verdicts.into_iter().flatten().collect(),
+        command: command(),
+        date: std::env::var("SOURCE_DATE_EPOCH")
+            .ok()
+            .and_then(|s| origin::date(&s)),
+    })
+}
+
+/// A run on the command line.
+struct Source {
+    name: String,
+    path: PathBuf,
+}
+
+/// The runs, each with a name of its own.
+fn sources(given: &[String]) -> Vec<Source> {
+    let stdin = ["-".to_owned()];
+    let given = if given.is_empty() { &stdin } else { given };
+    let mut sources: Vec<Source> = Vec::new();
+    for text in given {
+        let (name, path) = match text.split_once('=') {
+            Some((name, path)) if !name.is_empty() && !name.contains('/') => (Some(name), path),
+            _ => (None, text.as_str()),
+        };
+        let path = PathBuf::from(path);
+        let stem = path
+            .file_stem()
+            .filter(|_| !path.starts_with("/dev") && path != Path::new("-"));
+        let base = match (name, stem) {
+            (Some(name), _) => name.to_owned(),
+            (None, Some(stem)) => stem.to_string_lossy().into_owned(),
+            (None, None) => "poses".to_owned(),
+        };
+        let taken = |name: &str| sources.iter().any(|s| s.name == name);
+        let numbered = (2..).map(|i| format!("{base} {i}"));
+        let name = std::iter::once(base.clone())
+            .chain(numbered)
+            .find(|n| !taken(n));
+        let name = name.unwrap_or(base);
+        sources.push(Source { name, path });
+    }
+    sources
+}
+
+fn first_path(sources: &[Source]) -> PathBuf {
+    sources
+        .first()
+        .map_or_else(|| PathBuf::from("-"), |s| s.path.clone())
+}
+
+/// Reads all inputs at the same time: they may be branches of one pipeline, where a branch that is
+/// not read holds up the others.
+fn read(
+    sources: &[Source],
+    reference: &Path,
+    role: Role,
+    options: &Options,
+) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
+    let is_file = std::fs::metadata(reference).is_ok_and(|m| m.is_file());
+    let shared = sources.iter().position(|s| s.path == reference && !is_file);
+    let mut halves = match shared {
+        Some(_) => copies(Some(reference))?.map(Some),
+        None => [None, None],
+    };
+    thread::scope(|scope| {
+        let half = halves[1].take();
+        let points = scope.spawn(move || read_reference(reference, half, role, options));
+        let mut runs = Vec::new();
+        for (i, source) in sources.iter().enumerate() {
+            let half = if shared == Some(i) {
+                halves[0].take()
+            } else {
+                None
+            };
+            runs.push(scope.spawn(move || read_run(source, half, options)));
+        }
+        let runs = runs
+            .into_iter()
+            .map(joined)
+            .collect::<anyhow::Result<Vec<Run>>>();
+        let points = joined(points);
+        Ok((runs?, points?))
+    })
+}
+
+fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow::Result<T> {
+    thread
+        .join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+fn read_reference(
+    path: &Path,
+    half: Option<StreamCopy>,
+    role: Role,
+    options: &Options,
+) -> anyhow::Result<Vec<TrajectoryPoint>> {
+    let mut input = match half {
+        Some(bytes) => {
+            let mut all = options.clone();
+            all.window = Default::default();
+            Input::from_reader(bytes, &source_name(path), role, &all)?
+        }
+        None => Input::open_trajectory(Some(path), role, options)?,
+    };
+    let mut points = Vec::new();
+    while let Some(point) = input.next()? {
+        points.push(*point);
+    }
+    Ok(points)
+}
+
+fn read_run(source: &Source, half: Option<StreamCopy>, options: &Options) -> anyhow::Result<Run> {
+    let mut input: Input<Pose> = match half {
+        Some(bytes) => Input::from_reader(bytes, &source_name(&source.path), Role::Truth, options)?,
+        None => Input::open(Some(&source.path), options)?,
+    };
+    let mut poses = Vec::new();
+    while let Some(pose) = input.next()? {
+        poses.push(pose.clone());
+    }
+    let stages = input.provenance().iter();
+    let stages = stages.map(|stage| {
+        let seed = stage
+            .seed
+            .map(|s| format!("  # seed {s}"))
+            .unwrap_or_default();
+        let command = origin::command_without_folders(&stage.command);
+        format!("{command}{seed}  # {} {}", stage.tool, stage.version)
+    });
+    Ok(Run {
+        name: source.name.clone(),
+        source: source_name(&source.path),
+        stages: stages.collect(),
+        poses,
+    })
+}
+
+/// What an input is called in the outputs: its name without folders.
+fn source_name(path: &Path) -> String {
+    if path == Path::new("-") {
+        return "standard input".to_owned();
+    }
+    if path.starts_with("/dev") {
+        return "a pipe".to_owned();
+    }
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// This run's command line without folders.
+fn command() -> String {
+    let words = std::env::args().map(|word| {
+        let word = origin::without_folders(&word);
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
+        if !word.is_empty() && word.chars().all(plain) {
+            word
+        } else {
+            format!("'{word}'")
+        }
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+fn style(args: &Args) -> terminal::Style {
+    let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
+    let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set);
+    let utf8 = locale.is_some_and(|l| l.to_uppercase().replace('-', "").contains("UTF8"));
+    let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
+    terminal::Style {
+        bold: terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb"),
+        ascii: args.ascii || !utf8,
+        all_cells: args.cells,
+    }
+}
+
+/// Writes a file under a temporary name and renames it when it is whole.
+fn write_file(path: &Path, text: &str) -> anyhow::Result<()> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    let partial = PathBuf::from(partial);
+    let name = || path.display().to_string();
+    std::fs::write(&partial, text).with_context(name)?;
+    std::fs::rename(&partial, path).with_context(name)
+}
+
+/// Says on stderr what a reader of the outputs must not miss, and which status that is.
+fn outcome(report: &Report, quiet: bool) -> Outcome {
+    let mut outcome = Outcome::Done;
+    let reference = &report.reference;
+    for (count, what) in [
+        (reference.incomplete, "without all six numbers"),
+        (reference.repeated, "at the stamp of another"),
+    ] {
+        if count > 0 {
+            outcome = Outcome::Degraded;
+            eprintln!(
+                "report: {}: {count} points {what} were left out",
+                report.reference_source
+            );
+        }
+    }
+    for case in &report.cases {
+        if case.is_empty() || case.repeated > 0 {
+            outcome = Outcome::Degraded;
+        }
+        for note in case.notes.iter().filter(|_| !quiet) {
+            eprintln!("report: {}: {note}", case.name());
+        }
+    }
+    for verdict in report.verdicts.iter().filter(|v| v.failed) {
+        outcome = Outcome::GateFailed;
+        eprintln!("report: {verdict}");
+    }
+    outcome
+}
