@@ -190,7 +190,7 @@ impl Output {
     }
 
     /// Ends a stream of one kind, which may have had no records, and gives the file its name.
-    pub(super) fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
+    pub fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
         if let Encoder::Csv(csv) = &mut self.core.borrow_mut().encoder {
             csv.write_empty::<R>().map_err(unhide)?;
         }
