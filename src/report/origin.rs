@@ -1,5 +1,76 @@
 //! How a report names what it came from: nothing of the machine it was made on, no clock of its own.
 
+use std::path::{Path, PathBuf};
+
+/// A run on the command line: `[NAME=]POSES`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// What people call it; no two runs have the same name.
+    pub name: String,
+    /// File, FIFO, or `-` for stdin.
+    pub path: PathBuf,
+}
+
+/// The runs that are `given`, stdin if none. A run without a name is called by its file; a file name
+/// with `=` in it is told from a name by a `/` in front.
+pub fn sources(given: &[String]) -> Vec<Source> {
+    let stdin = ["-".to_owned()];
+    let given = if given.is_empty() { &stdin } else { given };
+    let mut sources: Vec<Source> = Vec::new();
+    for text in given {
+        let (name, path) = match text.split_once('=') {
+            Some((name, path)) if !name.is_empty() && !name.contains('/') => (Some(name), path),
+            _ => (None, text.as_str()),
+        };
+        let path = PathBuf::from(path);
+        let file = path.file_stem().filter(|_| !is_nameless(&path));
+        let base = match (name, file) {
+            (Some(name), _) => name.to_owned(),
+            (None, Some(file)) => file.to_string_lossy().into_owned(),
+            (None, None) => "poses".to_owned(),
+        };
+        let mut name = base.clone();
+        let mut number = 1;
+        while sources.iter().any(|s| s.name == name) {
+            number += 1;
+            name = format!("{base} {number}");
+        }
+        sources.push(Source { name, path });
+    }
+    sources
+}
+
+/// What an input is called: its file's name, without its folder.
+pub fn input_name(path: &Path) -> String {
+    if path == Path::new("-") {
+        return "standard input".to_owned();
+    }
+    if is_nameless(path) {
+        return "a pipe".to_owned();
+    }
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// Stdin, or a pipe that a shell made (`<(...)`), whose number means nothing.
+fn is_nameless(path: &Path) -> bool {
+    path == Path::new("-") || path.starts_with("/dev") || path.starts_with("/proc")
+}
+
+/// A command line that can be pasted into a shell, without folders.
+pub fn command_line(words: impl Iterator<Item = String>) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
+    let words = words.map(|word| {
+        let word = without_folders(&word);
+        if !word.is_empty() && word.chars().all(plain) {
+            word
+        } else {
+            format!("'{}'", word.replace('\'', r"'\''"))
+        }
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
 /// A word of a command line with folders left out: `joint=/data/a.csv` becomes `joint=a.csv`.
 pub fn without_folders(word: &str) -> String {
     let Some(slash) = word.find('/') else {
@@ -51,6 +122,28 @@ mod tests {
         assert_eq!(without_folders("/"), "");
         let command = command_without_folders("solve-pose -f /etc/a.toml x=/dev/fd/63");
         assert_eq!(command, "solve-pose -f a.toml x=63");
+    }
+
+    #[test]
+    fn runs_have_names_of_their_own() {
+        let given = [
+            "-",
+            "a/run.csv",
+            "b/run.csv",
+            "joint=-",
+            "./x=y.csv",
+            "/dev/fd/63",
+        ];
+        let sources = sources(&given.map(str::to_owned));
+        let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["poses", "run", "run 2", "joint", "x=y", "poses 2"]);
+        assert_eq!(sources[3].path, Path::new("-"));
+        assert_eq!(super::sources(&[]).len(), 1);
+        assert_eq!(input_name(Path::new("a/run.csv")), "run.csv");
+        assert_eq!(input_name(Path::new("/dev/fd/63")), "a pipe");
+        let words = ["/bin/report", "z<=3.5", "it's"];
+        let line = command_line(words.iter().map(ToString::to_string));
+        assert_eq!(line, r"report 'z<=3.5' 'it'\''s'");
     }
 
     #[test]

@@ -123,16 +123,21 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             out.flush()?;
         }
     }
-    Ok(outcome(&report, args.common.quiet))
+    Ok(outcome(&report))
 }
 
 /// Reads everything and sums it up.
 fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
-    let sources = sources(&args.poses);
+    let sources = origin::sources(&args.poses);
     let (path, role) = match (&args.truth, &args.desired) {
         (Some(path), _) => (path.clone(), Role::Truth),
         (None, Some(path)) => (path.clone(), Role::Desired),
-        (None, None) => (first_path(&sources), Role::Truth),
+        (None, None) => (
+            sources
+                .first()
+                .map_or_else(|| PathBuf::from("-"), |s| s.path.clone()),
+            Role::Truth,
+        ),
     };
     let given = args.truth.is_some() || args.desired.is_some();
     let (runs, points) = read(&sources, &path, role, options).map_err(|error| match given {
@@ -172,63 +177,21 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         } else {
             "desired"
         },
-        reference_source: source_name(&path),
+        reference_source: origin::input_name(&path),
         reference,
         cases,
         verdicts: verdicts.into_iter().flatten().collect(),
-        command: command(),
+        command: origin::command_line(std::env::args()),
         date: std::env::var("SOURCE_DATE_EPOCH")
             .ok()
             .and_then(|s| origin::date(&s)),
     })
 }
 
-/// A run on the command line.
-struct Source {
-    name: String,
-    path: PathBuf,
-}
-
-/// The runs, each with a name of its own.
-fn sources(given: &[String]) -> Vec<Source> {
-    let stdin = ["-".to_owned()];
-    let given = if given.is_empty() { &stdin } else { given };
-    let mut sources: Vec<Source> = Vec::new();
-    for text in given {
-        let (name, path) = match text.split_once('=') {
-            Some((name, path)) if !name.is_empty() && !name.contains('/') => (Some(name), path),
-            _ => (None, text.as_str()),
-        };
-        let path = PathBuf::from(path);
-        let stem = path
-            .file_stem()
-            .filter(|_| !path.starts_with("/dev") && path != Path::new("-"));
-        let base = match (name, stem) {
-            (Some(name), _) => name.to_owned(),
-            (None, Some(stem)) => stem.to_string_lossy().into_owned(),
-            (None, None) => "poses".to_owned(),
-        };
-        let taken = |name: &str| sources.iter().any(|s| s.name == name);
-        let numbered = (2..).map(|i| format!("{base} {i}"));
-        let name = std::iter::once(base.clone())
-            .chain(numbered)
-            .find(|n| !taken(n));
-        let name = name.unwrap_or(base);
-        sources.push(Source { name, path });
-    }
-    sources
-}
-
-fn first_path(sources: &[Source]) -> PathBuf {
-    sources
-        .first()
-        .map_or_else(|| PathBuf::from("-"), |s| s.path.clone())
-}
-
 /// Reads all inputs at the same time: they may be branches of one pipeline, where a branch that is
 /// not read holds up the others.
 fn read(
-    sources: &[Source],
+    sources: &[origin::Source],
     reference: &Path,
     role: Role,
     options: &Options,
@@ -276,7 +239,7 @@ fn read_reference(
         Some(bytes) => {
             let mut all = options.clone();
             all.window = Default::default();
-            Input::from_reader(bytes, &source_name(path), role, &all)?
+            Input::from_reader(bytes, &origin::input_name(path), role, &all)?
         }
         None => Input::open_trajectory(Some(path), role, options)?,
     };
@@ -287,9 +250,18 @@ fn read_reference(
     Ok(points)
 }
 
-fn read_run(source: &Source, half: Option<StreamCopy>, options: &Options) -> anyhow::Result<Run> {
+fn read_run(
+    source: &origin::Source,
+    half: Option<StreamCopy>,
+    options: &Options,
+) -> anyhow::Result<Run> {
     let mut input: Input<Pose> = match half {
-        Some(bytes) => Input::from_reader(bytes, &source_name(&source.path), Role::Truth, options)?,
+        Some(bytes) => Input::from_reader(
+            bytes,
+            &origin::input_name(&source.path),
+            Role::Truth,
+            options,
+        )?,
         None => Input::open(Some(&source.path), options)?,
     };
     let mut poses = Vec::new();
@@ -307,38 +279,10 @@ fn read_run(source: &Source, half: Option<StreamCopy>, options: &Options) -> any
     });
     Ok(Run {
         name: source.name.clone(),
-        source: source_name(&source.path),
+        source: origin::input_name(&source.path),
         stages: stages.collect(),
         poses,
     })
-}
-
-/// What an input is called in the outputs: its name without folders.
-fn source_name(path: &Path) -> String {
-    if path == Path::new("-") {
-        return "standard input".to_owned();
-    }
-    if path.starts_with("/dev") {
-        return "a pipe".to_owned();
-    }
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
-}
-
-/// This run's command line without folders.
-fn command() -> String {
-    let words = std::env::args().map(|word| {
-        let word = origin::without_folders(&word);
-        let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
-        if !word.is_empty() && word.chars().all(plain) {
-            word
-        } else {
-            format!("'{word}'")
-        }
-    });
-    words.collect::<Vec<_>>().join(" ")
 }
 
 fn style(args: &Args) -> terminal::Style {
@@ -364,28 +308,11 @@ fn write_file(path: &Path, text: &str) -> anyhow::Result<()> {
 }
 
 /// Says on stderr what a reader of the outputs must not miss, and which status that is.
-fn outcome(report: &Report, quiet: bool) -> Outcome {
+fn outcome(report: &Report) -> Outcome {
     let mut outcome = Outcome::Done;
-    let reference = &report.reference;
-    for (count, what) in [
-        (reference.incomplete, "without all six numbers"),
-        (reference.repeated, "at the stamp of another"),
-    ] {
-        if count > 0 {
-            outcome = Outcome::Degraded;
-            eprintln!(
-                "report: {}: {count} points {what} were left out",
-                report.reference_source
-            );
-        }
-    }
-    for case in &report.cases {
-        if case.is_empty() || case.repeated > 0 {
-            outcome = Outcome::Degraded;
-        }
-        for note in case.notes.iter().filter(|_| !quiet) {
-            eprintln!("report: {}: {note}", case.name());
-        }
+    for loss in report.losses() {
+        outcome = Outcome::Degraded;
+        eprintln!("report: {loss}");
     }
     for verdict in report.verdicts.iter().filter(|v| v.failed) {
         outcome = Outcome::GateFailed;
