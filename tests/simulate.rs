@@ -238,6 +238,7 @@ fn impossible_command_lines_are_refused() {
         &["--trajectory", "line", "--from-pose", "1,2"],
         &["--y-range", "4,-4"],
         &["--imu-rate-hz", "0"],
+        &["--speed-m-s", "2000"],
     ] {
         let (status, text) = refusal(args);
         assert_eq!(status, 2, "{args:?}: {text}");
