@@ -276,7 +276,10 @@ pub fn fit(beams: BeamSlice<'_>, sigma_m: f64, loss: Loss) -> Option<FittedLine>
 
 /// Least squares in the ranges from a near start, such as a closed form's line.
 pub fn fit_from(start: NormalLine, beams: BeamSlice<'_>, sigma_m: f64) -> Option<FittedLine> {
-    let (normal, equations) = gauss_newton(start, sigma_m, |line| {
+    // A step of 3 % of the estimate's own uncertainty leaves an error far below that: what
+    // remains is of second order.
+    let small_m2 = 1e-3 * sigma_m * sigma_m;
+    let (normal, equations) = gauss_newton(start, small_m2, |line| {
         NormalEquations::over(beams, line, |_| 1.0)
     })?;
     let rms_m = (equations.squares / beams.len() as f64).sqrt();
@@ -304,7 +307,9 @@ fn fit_robust(
             break;
         }
     }
-    let (normal, _) = gauss_newton(start.normal(), sigma_m, |line| {
+    // Reweighting converges linearly only.
+    let small_m2 = 1e-8 * sigma_m * sigma_m;
+    let (normal, _) = gauss_newton(start.normal(), small_m2, |line| {
         NormalEquations::over(beams, line, |e| loss.weight(e / sigma_m))
     })?;
     let limit_m = sigma_m
@@ -429,11 +434,11 @@ impl NormalEquations {
 
 const LANES: usize = 4;
 
-/// Steps until the change is a ten-thousandth of the estimate's own uncertainty. The equations
-/// returned are those at the last step's start.
+/// Steps until one is short: its squared length in units of the estimate's own uncertainty, times
+/// sigma^2, is at most `small_m2`. The equations returned are those at the last step's start.
 fn gauss_newton(
     start: NormalLine,
-    sigma_m: f64,
+    small_m2: f64,
     equations_at: impl Fn(NormalLine) -> NormalEquations,
 ) -> Option<(NormalLine, NormalEquations)> {
     let mut line = start;
@@ -447,7 +452,7 @@ fn gauss_newton(
         if !(line.d_m.is_finite() && line.alpha_rad.is_finite()) {
             return None;
         }
-        if length2 <= 1e-8 * sigma_m * sigma_m {
+        if length2 <= small_m2 {
             return Some((NormalLine::new(line.d_m, line.alpha_rad), equations));
         }
     }

@@ -41,7 +41,7 @@ impl Default for SegmentationOptions {
 /// scan to scan, so that nothing is allocated once the buffers have grown.
 ///
 /// The scan of a scanner that sees all round has no natural first beam: it is turned so that it
-/// starts behind its widest jump (or, without one, at its farthest point, which is a corner).
+/// starts behind its widest jump (or, without one, at its nearest point).
 #[derive(Clone, Debug, Default)]
 pub struct Returns {
     directions: BeamTable,
@@ -191,7 +191,7 @@ impl Returns {
             to - from
         } else {
             // Round the seam.
-            (rule.steps_round + to).saturating_sub(from)
+            rule.steps_round.saturating_add(to).saturating_sub(from)
         }
     }
 
@@ -218,11 +218,13 @@ impl Returns {
                 a.total_cmp(&b)
             })
             .map(|(_, next)| next);
-        let farthest = || {
+        // The nearest point is no corner of a room: the cut wall is merged again, whereas a corner's
+        // beams on the wrong side of the cut would stay there.
+        let nearest = || {
             let ranges = self.range_m.iter().enumerate();
-            ranges.max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| k)
+            ranges.min_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| k)
         };
-        if let Some(first) = widest.or_else(farthest) {
+        if let Some(first) = widest.or_else(nearest) {
             self.beam.rotate_left(first);
             self.range_m.rotate_left(first);
             self.y_m.rotate_left(first);
