@@ -3,7 +3,7 @@
 
 mod shell;
 
-use shell::{NOT_BUILT, TOOLS, scratch, sh};
+use shell::{NOT_BUILT, TOOLS, scratch, sh, testdata};
 use std::path::Path;
 
 /// The commands under EXAMPLES in a tool's `--help`: lines indented by four, joined where one ends
@@ -70,7 +70,9 @@ fn the_examples_of_report_run() {
 
 #[test]
 fn the_examples_of_scan_capture_run() {
-    run_examples("scan-capture", &scratch("help-scan-capture"));
+    let dir = scratch("help-scan-capture");
+    std::fs::copy(testdata("lms511.cola"), dir.join("run.cola")).unwrap();
+    run_examples("scan-capture", &dir);
 }
 
 #[test]

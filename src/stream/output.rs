@@ -142,6 +142,14 @@ impl Output {
         self.core.borrow().records
     }
 
+    /// Fixes the columns of a CSV stream before its first record: those in which `like` has a value.
+    pub fn columns_like<R: StreamRecord>(&mut self, like: &R) -> anyhow::Result<()> {
+        match &mut self.core.borrow_mut().encoder {
+            Encoder::Csv(csv) => csv.columns_like(like).map_err(unhide),
+            Encoder::Mcap(_) => Ok(()),
+        }
+    }
+
     /// Writes a record. In CSV the first one fixes the stream's kind.
     pub fn write<R: StreamRecord>(&mut self, record: &R) -> anyhow::Result<()> {
         self.put(record, Role::Desired)
