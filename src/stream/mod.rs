@@ -13,6 +13,7 @@
 //!   it written; `--skip-bad` counts and skips it. [`exit`] has the other statuses.
 //! - The first SIGINT ends a source in good order, and a filter only when the end has come through.
 
+mod cdr;
 mod check;
 mod copies;
 mod csv;
@@ -26,6 +27,10 @@ mod output;
 mod progress;
 mod provenance;
 mod ros2;
+#[cfg(test)]
+mod round_trip_tests;
+#[cfg(test)]
+mod samples;
 mod side;
 pub mod viewer;
 mod window;
