@@ -131,7 +131,7 @@ fn an_empty_file() {
     for tool in [
         "extract-lines -f frame.toml",
         "solve-pose -f frame.toml",
-        "report",
+        "report --truth truth.csv",
         "scan-capture --replay",
     ] {
         let ended = sh(&dir, &format!("{tool} empty")).expect(65);
@@ -146,9 +146,9 @@ fn a_file_that_is_not_there() {
     for tool in [
         "extract-lines -f frame.toml",
         "solve-pose -f frame.toml",
-        "report",
+        "report --truth truth.csv",
         "scan-capture --replay",
-        "report --truth truth.csv poses.csv --desired",
+        "report poses.csv --truth",
     ] {
         let ended = sh(&dir, &format!("{tool} nowhere.csv")).expect(66);
         assert_says(&ended, &["nowhere.csv", "No such file"]);
@@ -161,8 +161,7 @@ fn a_csv_of_another_record_type() {
     for (tool, file, missing) in [
         ("extract-lines -f frame.toml", "poses.csv", "angle_min_rad"),
         ("solve-pose -f frame.toml", "scans.csv", "scan_stamp_ns"),
-        ("report", "lines.csv", "x_m"),
-        ("report --truth truth.csv", "truth.csv", "scan_stamp_ns"),
+        ("report --truth truth.csv", "lines.csv", "x_m"),
     ] {
         let ended = sh(&dir, &format!("{tool} {file}")).expect(65);
         assert_says(&ended, &[file, missing]);

@@ -70,12 +70,15 @@ impl Page {
     }
 
     fn closing_sections(&self, roff: &mut Roff) {
-        roff.control("SH", ["EXIT STATUS"]);
-        for (status, meaning) in STATUSES {
-            if self.statuses.contains(status) {
-                roff.control("TP", []);
-                roff.text([bold(status.to_string())]);
-                roff.text([roman(*meaning)]);
+        let more = self.command.get_after_long_help();
+        if !more.is_some_and(|more| more.to_string().contains("\nEXIT STATUS\n")) {
+            roff.control("SH", ["EXIT STATUS"]);
+            for (status, meaning) in STATUSES {
+                if self.statuses.contains(status) {
+                    roff.control("TP", []);
+                    roff.text([bold(status.to_string())]);
+                    roff.text([roman(*meaning)]);
+                }
             }
         }
         roff.control("SH", ["SEE ALSO"]);
@@ -131,12 +134,22 @@ fn tidy(page: &str) -> String {
     out
 }
 
+const FILTER: &[u8] = &[0, 2, 3, 65, 66, 74, 78];
+
 fn pages() -> Vec<Page> {
     vec![
+        Page::of::<tool::scan_capture::Args>(FILTER, &["extract-lines", "timesync"]),
         Page::of::<tool::imu_read::Args>(&[2, 69], &["solve-pose", "timesync"]),
         Page::of::<tool::timesync::Args>(&[2, 69], &["scan-capture", "compensate-delay"]),
+        Page::of::<tool::simulate::Args>(
+            &[0, 2, 65, 66, 74, 78],
+            &["extract-lines", "solve-pose", "report"],
+        ),
+        Page::of::<tool::extract_lines::Args>(FILTER, &["scan-capture", "simulate", "solve-pose"]),
+        Page::of::<tool::solve_pose::Args>(FILTER, &["extract-lines", "imu-read", "report"]),
         Page::of::<tool::compensate_delay::Args>(&[2, 69], &["solve-pose", "ads-push"]),
         Page::of::<tool::ads_push::Args>(&[2, 69], &["compensate-delay", "report"]),
+        Page::of::<tool::report::Args>(&[0, 2, 3, 4, 65, 66, 74], &["solve-pose", "simulate"]),
     ]
 }
 

@@ -15,11 +15,16 @@ use std::time::Duration;
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  report --truth truth.csv poses.csv
-  report --truth truth.csv --html report.html vote=vote.csv joint=joint.csv
-  solve-pose -f frame.toml lines.csv | report --truth truth.csv joint=-
-  report --truth truth.csv --zone 'low=z<=3.5' --zone 'high=z>3.5' poses.csv
-  report --truth truth.csv --json --fail-if 'x.rms_mm>4.1' --fail-if 'scans.solved_pct<100' poses.csv
+  The table:
+    report --truth truth.csv poses.csv
+  Two methods side by side, and a page:
+    report --truth truth.csv --html report.html vote=vote.csv joint=poses.csv
+  At the end of a pipe:
+    solve-pose -f frame.toml lines.csv | report --truth truth.csv joint=-
+  Parts of the workspace apart:
+    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  In a script, with a gate:
+    report --truth truth.csv --json --fail-if 'scans.solved_pct<100' poses.csv > report.json
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
@@ -188,23 +193,29 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
     })
 }
 
-/// Reads all inputs at the same time: they may be branches of one pipeline, where a branch that is
-/// not read holds up the others.
+/// Reads all live inputs at the same time: they may be branches of one pipeline, where a branch that
+/// is not read holds up the others.
 fn read(
     sources: &[origin::Source],
     reference: &Path,
     role: Role,
     options: &Options,
 ) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
-    let is_file = std::fs::metadata(reference).is_ok_and(|m| m.is_file());
-    let shared = sources.iter().position(|s| s.path == reference && !is_file);
+    // A file may be the work of the pipeline that ends here (`simulate --truth FILE | ...`): it is
+    // whole when the poses have ended. A FIFO, or stdin, must be read beside them.
+    let is_live = |path: &Path| {
+        path == Path::new("-") || std::fs::metadata(path).is_ok_and(|found| !found.is_file())
+    };
+    let live = is_live(reference);
+    let shared = sources.iter().position(|s| s.path == reference && live);
     let mut halves = match shared {
         Some(_) => copies(Some(reference))?.map(Some),
         None => [None, None],
     };
     thread::scope(|scope| {
         let half = halves[1].take();
-        let points = scope.spawn(move || read_reference(reference, half, role, options));
+        let points =
+            live.then(|| scope.spawn(move || read_reference(reference, half, role, options)));
         let mut runs = Vec::new();
         for (i, source) in sources.iter().enumerate() {
             let half = if shared == Some(i) {
@@ -218,7 +229,11 @@ fn read(
             .into_iter()
             .map(joined)
             .collect::<anyhow::Result<Vec<Run>>>();
-        let points = joined(points);
+        let points = match points {
+            Some(points) => joined(points),
+            None if runs.is_ok() => read_reference(reference, None, role, options),
+            None => Ok(Vec::new()),
+        };
         Ok((runs?, points?))
     })
 }

@@ -47,12 +47,17 @@ they are counted and skipped (status 3). A recording that starts or ends in mid-
 that is said on stderr.";
 
 const EXAMPLES: &str = "\
-EXAMPLES:
-  scan-capture --replay run.cola > scans.csv
-  scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
-  scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  scan-capture --replay run.cola --epoch 1614680100.5 --from +1s > late.csv
-  cat run.cola | scan-capture --replay - | head -n 2";
+EXAMPLES
+  A recording as scans:
+    scan-capture --replay run.cola > scans.csv
+  The lines in them:
+    scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
+  As MCAP, with the frame file's scanner constants:
+    scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
+  With the time of the first scan, without the first 100 ms:
+    scan-capture --replay run.cola --epoch 1614680100.5 --from +100ms > late.csv
+  From a pipe:
+    cat run.cola | scan-capture --replay - | head -n 2";
 
 /// Records scans from a SICK laser scanner (for now: from a recorded byte stream)
 #[derive(Clone, Debug, clap::Parser)]

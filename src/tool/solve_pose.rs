@@ -72,15 +72,12 @@ struct PitchArgs {
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  A simulated platform, pitch from its IMU:
-    simulate -f frame.toml -n 20 --imu imu.csv > scans.csv
-    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv
+  Pitch from an IMU:
+    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
-  The published method beside the default one:
-    extract-lines -f frame.toml scans.csv > lines.csv
-    solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv
-    solve-pose -f frame.toml --imu imu.csv lines.csv -o joint.csv";
+  The published method, to be compared with the default one:
+    solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
