@@ -246,3 +246,33 @@ fn impossible_command_lines_are_refused() {
     }
     assert_eq!(refusal(&["--trajectory", "no-such-file.csv"]).0, 66);
 }
+
+#[test]
+fn an_mcap_stream_holds_everything() {
+    let dir = scratch("mcap");
+    let path = dir.join("run.mcap");
+    let mut args = vec!["--effects", "reference,motion,clocks", "--n-scans", "4"];
+    args.extend(COARSE);
+    args.extend([
+        "--imu-rate-hz",
+        "100",
+        "--format",
+        "mcap",
+        "-o",
+        path.to_str().unwrap(),
+    ]);
+    assert!(bytes(&args).is_empty());
+    let file = std::fs::read(&path).unwrap();
+    let mut counts = std::collections::BTreeMap::new();
+    for message in mcap::MessageStream::new(&file).unwrap() {
+        *counts
+            .entry(message.unwrap().channel.topic.clone())
+            .or_insert(0) += 1;
+    }
+    let count = |topic: &str| counts.get(topic).copied().unwrap_or(0);
+    for topic in ["/scan", "/scan_info", "/truth", "/desired"] {
+        assert_eq!(count(topic), 4, "{topic} of {counts:?}");
+    }
+    // Four scans at 75 Hz end 0.047 s after the start: samples at 0, 10, .. 50 ms.
+    assert_eq!(count("/imu"), 6, "{counts:?}");
+}
