@@ -297,12 +297,7 @@ fn workspace(cases: &[Case]) -> Markup {
 fn over_time(cases: &[Case]) -> Markup {
     let drawn: Vec<&Case> = cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect();
     let several = cases.len() > 1;
-    let axes: &[usize] = if several {
-        &[0, 5]
-    } else {
-        &[0, 5, 1, 2, 3, 4]
-    };
-    // The same component of several runs shares its scale, unless one is far worse.
+    let axes: &[usize] = if several { &[0, 5] } else { &[1, 2, 3, 4] };
     let limit = |result: &AxisResult| figure::trace_limit(&result.trace, &result.statistics);
     html! {
         @if !drawn.is_empty() { h2 { "Over time" } }
