@@ -379,7 +379,7 @@ impl SplitAndMerge {
             on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
         ];
         let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
-        (length_m >= self.options.min_length_m).then(|| Segment {
+        (length_m >= self.options.min_length_m).then_some(Segment {
             stamp: scan.stamp,
             seq: scan.seq,
             line: 0,

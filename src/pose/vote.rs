@@ -237,8 +237,8 @@ fn crossings(
     if found < needed {
         return Err(VoteFailure::Transitions { found, needed });
     }
-    let intervals = all.iter().map(|crossing| (crossing.near_m, crossing.far_m));
-    if intervals.into_iter().any(|(near, far)| !(near <= far)) {
+    // NaN fails too.
+    if !all.iter().all(|crossing| crossing.near_m <= crossing.far_m) {
         return Err(VoteFailure::Contradiction);
     }
     all.sort_by(|a, b| a.near_m.total_cmp(&b.near_m));
