@@ -15,26 +15,27 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const START_NS: i64 = 1_767_225_600_000_000_000;
 
 const EXAMPLES: &str = "\
-EFFECTS, comma-separated, read from left to right; -NAME takes one away:
-  noise bias quantisation footprint mixed echoes remission motion angle-jitter outliers dropouts
-  cables cargo missing-strip clocks imu
-  reference = noise (6.5 mm), bias (+-25 mm common to a scan), quantisation (1 mm), footprint,
-              remission (4 % noise, 150 digits are a reflector met squarely at 3 m)
-  all       = every one of them, with the data sheet's noise; none = exact ranges of pencil beams
+EFFECTS
+  A list, comma-separated, read from left to right; -NAME takes one away:
+    noise bias quantisation footprint mixed echoes remission motion angle-jitter outliers dropouts
+    cables cargo missing-strip clocks imu
+    reference = noise (6.5 mm), bias (+-25 mm common to a scan), quantisation (1 mm), footprint,
+                remission (4 % noise, 150 digits are a reflector met squarely at 3 m)
+    all       = every one of them, with the data sheet's noise; none = exact ranges of pencil beams
 
 EXAMPLES
   Exact scans of a 0.2 m grid, and where the platform truly was:
-    simulate -f cablar.toml --effects none --trajectory grid --truth truth.csv > scans.csv
-  The set-up in which the estimators' figures are stated, with mixed pixels, 2000 poses:
-    simulate -f cablar.toml --effects reference,mixed --trajectory random --n-scans 2000
+    simulate -f frame.toml --effects none --trajectory grid --truth truth.csv > scans.csv
+  The set-up in which the estimators' figures are stated, with mixed pixels, 200 poses:
+    simulate -f frame.toml --effects reference,mixed --trajectory random --n-scans 200 > scans.csv
   Three loops at 3 m/s with a roll of 1 deg at 2 Hz, everything in one MCAP file:
-    simulate -f cablar.toml --trajectory loop --speed-m-s 3 --loops 3 --wobble-deg 1,0,0 \\
+    simulate -f frame.toml --trajectory loop --speed-m-s 3 --loops 3 --wobble-deg 1,0,0 \\
       --wobble-hz 2 --imu-rate-hz 100 --format mcap -o loops.mcap
   Into the chain, with the IMU as a side stream:
-    simulate -f cablar.toml --imu imu.csv --truth truth.csv \\
-      | extract-lines -f cablar.toml | solve-pose -f cablar.toml --imu imu.csv > poses.csv
-  As a live source:
-    simulate -f cablar.toml --trajectory loop --loops 100 --real-time | extract-lines -f cablar.toml
+    mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
+      | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  As a live source, one second of it:
+    simulate -f frame.toml --n-scans 35 --real-time | extract-lines -f frame.toml | tail -n 1
 ";
 
 /// A virtual frame, scanner, IMU and trajectory
