@@ -136,6 +136,34 @@ pub struct Report {
     pub date: Option<String>,
 }
 
+impl Report {
+    /// What was left out or could not be compared, in plain sentences; empty if all is well.
+    pub fn losses(&self) -> Vec<String> {
+        let mut losses = Vec::new();
+        for (count, what) in [
+            (self.reference.incomplete, "without all six numbers"),
+            (self.reference.repeated, "at the stamp of another"),
+        ] {
+            if count > 0 {
+                let (source, count) = (&self.reference_source, number::count(count));
+                losses.push(format!("{source}: points {what}: {count} left out"));
+            }
+        }
+        for case in self.cases.iter().filter(|c| c.repeated > 0) {
+            let count = number::count(case.repeated);
+            losses.push(format!(
+                "{}: rows at the stamp of another: {count} left out",
+                case.name()
+            ));
+        }
+        for case in self.cases.iter().filter(|c| c.is_empty()) {
+            let why = case.notes.last().cloned().unwrap_or_default();
+            losses.push(format!("{}: {why}", case.name()));
+        }
+        losses
+    }
+}
+
 /// A pose with its reference.
 struct Sample {
     /// Index into the run's poses.
@@ -453,8 +481,8 @@ pub(super) mod tests {
             pose.position_m = [0, 1, 2].map(value);
             pose.rotation_rad = [3, 4, 5].map(value);
             pose.covariance = [0.0; 21];
-            for k in 0..6 {
-                pose.covariance[upper_index(6, k, k)] = amplitude[k].powi(2);
+            for (k, sigma) in amplitude.iter().enumerate() {
+                pose.covariance[upper_index(6, k, k)] = sigma.powi(2);
             }
             if i % 50 == 49 {
                 pose = Pose {
@@ -538,12 +566,12 @@ pub(super) mod tests {
     fn yaw_is_wrapped() {
         let point = TrajectoryPoint {
             position_m: [0.0; 3],
-            rotation_rad: [0.0, 0.0, 3.14],
+            rotation_rad: [0.0, 0.0, 3.1],
             ..TrajectoryPoint::default()
         };
         let pose = Pose {
             position_m: [0.0; 3],
-            rotation_rad: [0.0, 0.0, -3.14],
+            rotation_rad: [0.0, 0.0, -3.1],
             ..Pose::default()
         };
         let reference = Reference::new(vec![point], Limits::default());
@@ -552,7 +580,7 @@ pub(super) mod tests {
             ..Run::default()
         };
         let cases = evaluate(vec![run], &reference, &Settings::default());
-        let want = 2.0 * (std::f64::consts::PI - 3.14);
+        let want = 2.0 * (std::f64::consts::PI - 3.1);
         assert!((cases[0].axes[5].statistics.bias - want).abs() < 1e-12);
     }
 

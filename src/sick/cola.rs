@@ -88,7 +88,7 @@ pub enum Cause {
     #[error("a telegram is cut short")]
     CutShort,
     /// The XOR is wrong.
-    #[error("wrong XOR: {sent:02X} sent, {computed:02X} computed")]
+    #[error("wrong checksum: {sent:02X} sent, XOR of the telegram is {computed:02X}")]
     Xor {
         /// The byte after the body.
         sent: u8,
@@ -399,6 +399,222 @@ pub fn frame(dialect: Dialect, body: &[u8], out: &mut Vec<u8>) {
             out.extend_from_slice(&(body.len() as u32).to_be_bytes());
             out.extend_from_slice(body);
             out.push(xor(body));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// What a framer makes of a stream: each telegram's offset and body, each skipped piece.
+    #[derive(Debug, PartialEq)]
+    enum Found {
+        Telegram(Dialect, u64, Vec<u8>),
+        Skipped(Skipped),
+    }
+
+    fn cut(stream: &[u8], chunk: usize) -> Vec<Found> {
+        let mut framer = Framer::new();
+        let mut found = Vec::new();
+        let mut drain = |framer: &mut Framer| {
+            while let Some(event) = framer.next() {
+                found.push(match event {
+                    Event::Telegram(t) => Found::Telegram(t.dialect, t.offset, t.body.to_vec()),
+                    Event::Skipped(skipped) => Found::Skipped(skipped),
+                });
+            }
+        };
+        for chunk in stream.chunks(chunk) {
+            framer.feed(chunk);
+            drain(&mut framer);
+        }
+        framer.end();
+        drain(&mut framer);
+        found
+    }
+
+    fn binary(body: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        frame(Dialect::Binary, body, &mut out);
+        out
+    }
+
+    fn telegram(offset: usize, body: &[u8]) -> Found {
+        Found::Telegram(Dialect::Binary, offset as u64, body.to_vec())
+    }
+
+    fn skipped(offset: usize, bytes: usize, cause: Cause) -> Found {
+        Found::Skipped(Skipped {
+            offset: offset as u64,
+            bytes: bytes as u64,
+            cause,
+        })
+    }
+
+    #[test]
+    fn verb_name_and_arguments() {
+        let parts = |dialect, body| {
+            let telegram = Telegram {
+                dialect,
+                offset: 0,
+                body,
+            };
+            (telegram.verb(), telegram.name(), telegram.arguments())
+        };
+        let event = parts(Dialect::Binary, &b"sSN LMDscandata \x00\x01 "[..]);
+        assert_eq!(event, (&b"sSN"[..], &b"LMDscandata"[..], &b"\x00\x01 "[..]));
+        let text = parts(Dialect::Text, &b"sRA STlms 7 0"[..]);
+        assert_eq!(text, (&b"sRA"[..], &b"STlms"[..], &b" 7 0"[..]));
+        let refusal = parts(Dialect::Binary, &b"sFA\x00\x0A"[..]);
+        assert_eq!(refusal, (&b"sFA"[..], &b""[..], &b"\x00\x0A"[..]));
+        let bare = parts(Dialect::Binary, &b"sWA EIHstCola "[..]);
+        assert_eq!(bare, (&b"sWA"[..], &b"EIHstCola"[..], &b""[..]));
+    }
+
+    #[test]
+    fn a_real_reply() {
+        // sAN SetAccessMode 1 of an LMS511; the listing prints a wrong XOR (39) for it.
+        let bytes = b"\x02\x02\x02\x02\x00\x00\x00\x13sAN SetAccessMode \x01\x38";
+        assert_eq!(cut(bytes, 64), [telegram(0, &bytes[8..27])]);
+    }
+
+    #[test]
+    fn start_marks_inside_a_telegram_are_no_matter() {
+        let body = b"sSN LMDscandata \x02\x02\x02\x02\x00\x00\x00\x05sFA\x00\x01\x17";
+        let mut stream = binary(body);
+        stream.extend(binary(b"sFA\x00\x02"));
+        let next = 9 + body.len();
+        let expected = [telegram(0, body), telegram(next, b"sFA\x00\x02")];
+        assert_eq!(cut(&stream, 3), expected);
+    }
+
+    #[test]
+    fn faults_cost_only_the_bad_telegram() {
+        let (first, last) = (b"sRA SCdevicestate \x01", b"sWA EIHstCola ");
+        let one = binary(first);
+        let end = one.len();
+        let around = |middle: &[u8]| [&one[..], middle, &binary(last)].concat();
+
+        let mut bad = binary(b"sSN LMDscandata 123456789");
+        bad[20] ^= 1;
+        let found = cut(&around(&bad), 7);
+        assert!(
+            matches!(found[1], Found::Skipped(Skipped { offset, bytes, cause: Cause::Xor { .. } })
+                if offset == end as u64 && bytes == bad.len() as u64)
+        );
+        assert_eq!(found[2], telegram(end + bad.len(), last));
+
+        let mut long = binary(b"sSN LMDscandata 123456789");
+        long[4..8].copy_from_slice(&0x7FFF_FFFF_u32.to_be_bytes());
+        let expected = [
+            telegram(0, first),
+            skipped(end, long.len(), Cause::Length(0x7FFF_FFFF)),
+            telegram(end + long.len(), last),
+        ];
+        assert_eq!(cut(&around(&long), 7), expected);
+
+        // A length too large, though sane, hides the next telegram only until the XOR is known.
+        let mut doubtful = binary(b"sSN LMDscandata 123456789");
+        doubtful[7] += 12;
+        let found = cut(&around(&doubtful), 7);
+        assert_eq!(found[2], telegram(end + doubtful.len(), last));
+
+        // Bytes lost: the rest of the cut telegram is found missing at the end of the stream.
+        let cut_short = &binary(&[b"sSN LMDscandata ", &[7; 900][..]].concat())[..300];
+        let expected = [
+            telegram(0, first),
+            skipped(end, 300, Cause::CutShort),
+            telegram(end + 300, last),
+        ];
+        assert_eq!(cut(&around(cut_short), 7), expected);
+
+        let expected = [
+            telegram(0, first),
+            skipped(end, 5, Cause::Noise),
+            telegram(end + 5, last),
+        ];
+        assert_eq!(cut(&around(b"\x02noi\x02"), 7), expected);
+    }
+
+    #[test]
+    fn a_recording_may_start_and_end_anywhere() {
+        let body = b"sRA SCdevicestate \x01";
+        let one = binary(body);
+        let stream = [&one[9..], &one[..], &one[..11]].concat();
+        let lead = one.len() - 9;
+        let expected = [
+            skipped(0, lead, Cause::LeadIn),
+            telegram(lead, body),
+            skipped(lead + one.len(), 11, Cause::Tail),
+        ];
+        assert_eq!(cut(&stream, 1), expected);
+    }
+
+    #[test]
+    fn both_dialects_in_one_stream() {
+        let stream = b"\x02sRA SCdevicestate 1\x03\r\n\x02sFA A\x03\x02sRN cut\x02sWA x\x03";
+        let text = |offset, body: &[u8]| Found::Telegram(Dialect::Text, offset, body.to_vec());
+        let mut stream = stream.to_vec();
+        let end = stream.len();
+        stream.extend(binary(b"sFA\x00\x0A"));
+        let expected = [
+            text(0, b"sRA SCdevicestate 1"),
+            text(23, b"sFA A"),
+            skipped(30, 8, Cause::CutShort),
+            text(38, b"sWA x"),
+            telegram(end, b"sFA\x00\x0A"),
+        ];
+        for chunk in [1, 2, 1000] {
+            assert_eq!(cut(&stream, chunk), expected);
+        }
+    }
+
+    /// Pieces of which streams are made: telegrams, their fragments, start marks, anything.
+    fn piece() -> impl Strategy<Value = Vec<u8>> {
+        let body = prop::collection::vec(prop_oneof![Just(2u8), Just(0u8), any::<u8>()], 0..40)
+            .prop_map(|tail| binary(&[b"sSN X ", &tail[..]].concat()));
+        prop_oneof![
+            4 => body.clone(),
+            1 => (body, any::<prop::sample::Index>()).prop_map(|(telegram, at)| {
+                telegram[..at.index(telegram.len())].to_vec()
+            }),
+            1 => prop::collection::vec(any::<u8>(), 0..12),
+            1 => Just(vec![2; 4]),
+            1 => Just(b"\x02sRA abc 1 2\x03".to_vec()),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn chunks_do_not_matter_and_every_byte_is_accounted_for(
+            pieces in prop::collection::vec(piece(), 0..12),
+            chunk in 1usize..50,
+        ) {
+            let stream = pieces.concat();
+            let found = cut(&stream, chunk);
+            prop_assert_eq!(&found, &cut(&stream, stream.len().max(1)));
+            let mut at = 0;
+            for piece in &found {
+                let (offset, bytes) = match piece {
+                    Found::Telegram(Dialect::Binary, offset, body) => (*offset, body.len() + 9),
+                    Found::Telegram(Dialect::Text, offset, body) => (*offset, body.len() + 2),
+                    Found::Skipped(skipped) => (skipped.offset, skipped.bytes as usize),
+                };
+                let between = &stream[at..offset as usize];
+                prop_assert!(between.iter().all(|byte| matches!(*byte, b'\r' | b'\n')));
+                at = offset as usize + bytes;
+            }
+            prop_assert!(stream[at..].iter().all(|byte| matches!(*byte, b'\r' | b'\n')));
+        }
+
+        #[test]
+        fn no_bytes_make_it_panic(
+            stream in prop::collection::vec(any::<u8>(), 0..300),
+            chunk in 1usize..50,
+        ) {
+            prop_assert_eq!(cut(&stream, chunk), cut(&stream, 300));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::angles::{first_angle_deg, true_step_deg};
 use super::scandata::{Channel, LmdScandata};
-use crate::record::{Ranges, Scan, ScanInfo};
+use crate::record::{Ranges, Scan, ScanInfo, Value};
 use std::f64::consts::TAU;
 
 /// Raw distances below this are codes.
@@ -142,6 +142,34 @@ fn fill_remissions(channel: &Channel, digits: &mut Vec<f32>) {
     digits.clear();
     let values = channel.values.iter();
     digits.extend(values.map(|raw| f32::from(*raw) * channel.scale + channel.offset));
+}
+
+/// Gives `like` a value in every column in which `scan` has one, so that a CSV header can be chosen
+/// that fits both.
+pub fn widen(like: &mut Scan, scan: &Scan) {
+    if like.further_ranges_m.len() < scan.further_ranges_m.len() {
+        like.further_ranges_m.clone_from(&scan.further_ranges_m);
+    }
+    if like.further_remissions.len() < scan.further_remissions.len() {
+        like.further_remissions.clone_from(&scan.further_remissions);
+    }
+    let Some(from) = &scan.info else { return };
+    let Some(to) = &mut like.info else {
+        like.info = Some(from.clone());
+        return;
+    };
+    fn take<T: Value>(to: &mut T, from: &T) {
+        if to.is_missing() {
+            to.clone_from(from);
+        }
+    }
+    take(&mut to.encoder, &from.encoder);
+    take(&mut to.position, &from.position);
+    take(&mut to.device_name, &from.device_name);
+    take(&mut to.comment, &from.comment);
+    take(&mut to.device_time, &from.device_time);
+    take(&mut to.event, &from.event);
+    take(&mut to.scan_frequency_hz, &from.scan_frequency_hz);
 }
 
 fn fill_info(info: &mut ScanInfo, telegram: &LmdScandata, first: &Channel) {

@@ -219,8 +219,13 @@ impl<W: Write> CsvWriter<W> {
 
     /// Writes the header of a stream that turned out to have no records.
     pub(super) fn write_empty<R: Record>(&mut self) -> anyhow::Result<()> {
+        self.columns_like(&R::default())
+    }
+
+    /// Writes the header that `like` as the first record would have, if there is none yet.
+    pub(super) fn columns_like<R: Record>(&mut self, like: &R) -> anyhow::Result<()> {
         if self.kind.is_none() {
-            self.header(&R::default())?;
+            self.header(like)?;
         }
         Ok(())
     }

@@ -41,6 +41,19 @@ impl<R: StreamRecord> Input<R> {
         Input::open_in(path, Role::Desired, options.window, options)
     }
 
+    /// Opens bytes that do not come from a path, such as one copy of a stream that two readers
+    /// share ([`super::copies`]). `name` is for messages, `role` for trajectories in MCAP.
+    pub fn from_reader(
+        bytes: impl Read + 'static,
+        name: &str,
+        role: Role,
+        options: &Options,
+    ) -> anyhow::Result<Input<R>> {
+        let name = name.to_owned();
+        let source = Source::sniff(Box::new(bytes), name, false, options.input_format)?;
+        Input::from_source(source, role, options.window, options)
+    }
+
     fn open_in(
         path: Option<&Path>,
         role: Role,
@@ -205,24 +218,8 @@ impl Source {
     /// Opens stdin or a file, and waits for its first bytes unless `--input-format` says what they
     /// will be.
     pub(super) fn open(path: Option<&Path>, options: &Options) -> anyhow::Result<Source> {
-        match path {
-            Some(path) if path != Path::new("-") => {
-                let name = path.display().to_string();
-                let no_input = |error| Fault::NoInput(flow::named(&name, error).to_string());
-                let file = File::open(path).map_err(no_input)?;
-                let found = file.metadata().map_err(no_input)?;
-                if found.is_dir() {
-                    return Err(Fault::NoInput(format!("{name}: is a directory")).into());
-                }
-                let length = found.is_file().then_some(found.len());
-                let bytes = Progress::around(file, length, options);
-                Source::sniff(bytes, name, false, options.input_format)
-            }
-            _ => {
-                let bytes = Box::new(io::stdin());
-                Source::sniff(bytes, "stdin".to_owned(), true, options.input_format)
-            }
-        }
+        let (bytes, name, is_stdin) = open_raw(path, options)?;
+        Source::sniff(bytes, name, is_stdin, options.input_format)
     }
 
     fn sniff(
@@ -254,5 +251,55 @@ impl Source {
             encoding,
             is_stdin,
         })
+    }
+}
+
+/// Opens stdin (no path, or `-`) or a file; gives its bytes, its name and whether it is stdin.
+fn open_raw(
+    path: Option<&Path>,
+    options: &Options,
+) -> anyhow::Result<(Box<dyn Read>, String, bool)> {
+    match path {
+        Some(path) if path != Path::new("-") => {
+            let name = path.display().to_string();
+            let no_input = |error| Fault::NoInput(flow::named(&name, error).to_string());
+            let file = File::open(path).map_err(no_input)?;
+            let found = file.metadata().map_err(no_input)?;
+            if found.is_dir() {
+                return Err(Fault::NoInput(format!("{name}: is a directory")).into());
+            }
+            let length = found.is_file().then_some(found.len());
+            let bytes = Progress::around(file, length, options);
+            Ok((bytes, name, false))
+        }
+        _ => Ok((Box::new(io::stdin()), "stdin".to_owned(), true)),
+    }
+}
+
+/// An input that holds a device's bytes, not records. Its reads obey the flush rule.
+pub struct Bytes {
+    live: LiveReader<Box<dyn Read>>,
+    name: String,
+}
+
+impl Bytes {
+    /// Opens a file; no path, or `-`, is stdin.
+    pub fn open(path: Option<&Path>, options: &Options) -> anyhow::Result<Bytes> {
+        let (bytes, name, _) = open_raw(path, options)?;
+        Ok(Bytes {
+            live: LiveReader::new(bytes, &name),
+            name,
+        })
+    }
+
+    /// The file's name, or `stdin`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Read for Bytes {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.live.read(buffer)
     }
 }

@@ -15,6 +15,7 @@
 
 mod cdr;
 mod check;
+mod copies;
 mod csv;
 pub mod exit;
 mod filter;
@@ -35,13 +36,15 @@ pub mod viewer;
 mod window;
 
 pub use check::{BadField, StreamRecord};
+pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;
-pub use input::{Input, read_all};
+pub use input::{Bytes, Input, read_all};
 pub use output::Output;
 pub use provenance::Provenance;
 pub use side::SideInput;
+pub use window::{Place, WindowState};
 
 use crate::record::Stamp;
 use std::path::PathBuf;

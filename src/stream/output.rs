@@ -158,6 +158,14 @@ impl Output {
         self.core.borrow().records
     }
 
+    /// Fixes the columns of a CSV stream before its first record: those in which `like` has a value.
+    pub fn columns_like<R: StreamRecord>(&mut self, like: &R) -> anyhow::Result<()> {
+        match &mut self.core.borrow_mut().encoder {
+            Encoder::Csv(csv) => csv.columns_like(like).map_err(unhide),
+            Encoder::Mcap(_) => Ok(()),
+        }
+    }
+
     /// Writes a record. In CSV the first one fixes the stream's kind.
     pub fn write<R: StreamRecord>(&mut self, record: &R) -> anyhow::Result<()> {
         self.put(record, Role::Desired)
@@ -210,7 +218,7 @@ impl Output {
     }
 
     /// Ends a stream of one kind, which may have had no records, and gives the file its name.
-    pub(super) fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
+    pub fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
         if let Encoder::Csv(csv) = &mut self.core.borrow_mut().encoder {
             csv.write_empty::<R>().map_err(unhide)?;
         }

@@ -5,21 +5,25 @@ use crate::record::Stamp;
 
 /// Where a stamp lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub enum Place {
+    /// Before the first instant wanted.
     Before,
+    /// Wanted.
     Inside,
+    /// After the last instant wanted.
     After,
 }
 
 /// A window whose relative ends count from the first stamp that it sees.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WindowState {
+pub struct WindowState {
     window: Window,
     first: Option<Stamp>,
 }
 
 impl WindowState {
-    pub(super) fn new(window: Window) -> Self {
+    /// A window that has seen no stamp.
+    pub fn new(window: Window) -> Self {
         WindowState {
             window,
             first: None,
@@ -27,7 +31,7 @@ impl WindowState {
     }
 
     /// Where a stamp of the stream's own records lies; the first one is where `+10s` counts from.
-    pub(super) fn place(&mut self, stamp: Stamp) -> Place {
+    pub fn place(&mut self, stamp: Stamp) -> Place {
         let first = *self.first.get_or_insert(stamp);
         let at = |instant| match instant {
             Instant::At(stamp) => stamp,
