@@ -16,7 +16,8 @@ TARGET := $(or $(CARGO_TARGET_DIR),target)
 TOOLS := scan-capture imu-read timesync simulate extract-lines solve-pose compensate-delay ads-push report
 FRAME := testdata/cablar.toml
 DEMO := $(TARGET)/demo
-DEMO_RUN := --trajectory grid
+# The grid of the workspace, 0.2 m apart, with noise, bias, quantisation and the beam's extent.
+DEMO_RUN := --trajectory grid --step-m 0.2 --z-range 0.5,4 --effects reference
 INTEROP := $(TARGET)/interop
 
 ## build: the nine programs, optimised, in target/release

@@ -12,7 +12,8 @@ const SCANS: usize = 5;
 
 fn a_run(name: &str) -> PathBuf {
     let dir = scratch(name);
-    let run = "simulate -f frame.toml --trajectory line --from-m 0,-1,2 --to-m 0,1,2 -n 5";
+    let run =
+        "simulate -f frame.toml --trajectory line --from-pose 0,-1,2 --to-pose 0,1,2 --n-scans 5";
     sh(&dir, &format!("{run} --truth truth.csv -o scans.csv")).expect(0);
     sh(&dir, "extract-lines -f frame.toml -o lines.csv scans.csv").expect(0);
     sh(&dir, "solve-pose -f frame.toml -o poses.csv lines.csv").expect(0);
@@ -130,7 +131,7 @@ fn an_empty_file() {
     for tool in [
         "extract-lines -f frame.toml",
         "solve-pose -f frame.toml",
-        "report",
+        "report --truth truth.csv",
         "scan-capture --replay",
     ] {
         let ended = sh(&dir, &format!("{tool} empty")).expect(65);
@@ -145,9 +146,9 @@ fn a_file_that_is_not_there() {
     for tool in [
         "extract-lines -f frame.toml",
         "solve-pose -f frame.toml",
-        "report",
+        "report --truth truth.csv",
         "scan-capture --replay",
-        "report --truth truth.csv poses.csv --desired",
+        "report poses.csv --truth",
     ] {
         let ended = sh(&dir, &format!("{tool} nowhere.csv")).expect(66);
         assert_says(&ended, &["nowhere.csv", "No such file"]);
@@ -160,8 +161,7 @@ fn a_csv_of_another_record_type() {
     for (tool, file, missing) in [
         ("extract-lines -f frame.toml", "poses.csv", "angle_min_rad"),
         ("solve-pose -f frame.toml", "scans.csv", "scan_stamp_ns"),
-        ("report", "lines.csv", "x_m"),
-        ("report --truth truth.csv", "truth.csv", "scan_stamp_ns"),
+        ("report --truth truth.csv", "lines.csv", "x_m"),
     ] {
         let ended = sh(&dir, &format!("{tool} {file}")).expect(65);
         assert_says(&ended, &[file, missing]);
@@ -173,7 +173,7 @@ fn a_csv_of_another_record_type() {
 fn an_mcap_file_that_is_cut_off() {
     let dir = a_run("bad-mcap");
     // Many chunks, so that whole ones stand before the cut.
-    let run = "simulate -f frame.toml --trajectory line --from-m 0,-2,2 --to-m 0,2,2 -n 1500";
+    let run = "simulate -f frame.toml --trajectory line --from-pose 0,-2,2 --to-pose 0,2,2 --n-scans 1500 --speed-m-s 0.08";
     sh(&dir, &format!("{run} --format mcap -o run.mcap")).expect(0);
     let good = sh(&dir, "extract-lines -f frame.toml --format csv run.mcap").expect(0);
     let bytes = fs::read(dir.join("run.mcap")).unwrap();
@@ -192,7 +192,8 @@ fn an_mcap_file_that_is_cut_off() {
 #[test]
 fn an_mcap_pipe_that_is_cut_off() {
     let dir = a_run("bad-mcap-pipe");
-    let run = "simulate -f frame.toml --trajectory line --from-m 0,-1,2 --to-m 0,1,2 -n 20";
+    let run =
+        "simulate -f frame.toml --trajectory line --from-pose 0,-1,2 --to-pose 0,1,2 --n-scans 20";
     let stages = "extract-lines -f frame.toml --format csv";
     let good = sh(&dir, &format!("{run} --format mcap | {stages}")).expect(0);
     sh(&dir, &format!("{run} --format mcap > run.mcap")).expect(0);

@@ -4,22 +4,22 @@
 mod shell;
 
 use shell::{NOT_BUILT, TOOLS, scratch, sh, testdata};
-use std::path::Path;
+use std::path::PathBuf;
 
-/// The commands under EXAMPLES in a tool's `--help`: indented lines, joined where one ends with a
-/// backslash; a line that starts with `#` is a remark.
+/// The commands under EXAMPLES in a tool's `--help`: lines indented by four, joined where one ends
+/// with a backslash. What is indented by two says what the next command does.
 fn examples(help: &str) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     let mut open = false;
     let section = help
         .lines()
-        .skip_while(|line| line.trim_end_matches(':') != "EXAMPLES")
+        .skip_while(|line| *line != "EXAMPLES")
         .skip(1)
         .take_while(|line| line.is_empty() || line.starts_with(' '));
-    for line in section.map(str::trim) {
-        if line.is_empty() || (line.starts_with('#') && !open) {
-            continue;
-        }
+    for line in section
+        .filter(|line| line.starts_with("    "))
+        .map(str::trim)
+    {
         let (text, more) = match line.strip_suffix('\\') {
             Some(text) => (text, true),
             None => (line, false),
@@ -33,46 +33,81 @@ fn examples(help: &str) -> Vec<String> {
     commands
 }
 
-fn run_examples(tool: &str, dir: &Path) {
-    let help = sh(dir, &format!("{tool} --help")).expect(0);
+/// A directory with the files that the examples name: a frame file, a run of 20 scans through every
+/// stage, a recording of a scanner.
+fn a_small_run(name: &str) -> PathBuf {
+    let dir = scratch(name);
+    std::fs::copy(testdata("lms511.cola"), dir.join("run.cola")).unwrap();
+    for stage in [
+        "simulate -f frame.toml --n-scans 20 --truth truth.csv --imu imu.csv > scans.csv",
+        "simulate -f frame.toml --n-scans 20 --format mcap -o run.mcap",
+        "extract-lines -f frame.toml scans.csv > lines.csv",
+        "solve-pose -f frame.toml --imu imu.csv lines.csv > poses.csv",
+        "solve-pose -f frame.toml --method vote lines.csv > vote.csv",
+    ] {
+        sh(&dir, stage).expect(0);
+    }
+    dir
+}
+
+/// Runs the examples of a tool's `--help`, in order.
+fn run_examples(tool: &str) {
+    let dir = a_small_run(&format!("help-{tool}"));
+    let help = sh(&dir, &format!("{tool} --help")).expect(0);
     let commands = examples(help.text());
     assert!(
         (3..=6).contains(&commands.len()),
         "{tool}: {} examples",
         commands.len()
     );
+    assert!(commands.iter().all(|command| command.contains(tool)));
     for command in commands {
-        assert!(command.contains(tool), "{tool}: {command}");
-        let ended = sh(dir, &command);
+        let ended = sh(&dir, &command);
         assert_eq!(ended.status, 0, "{command}\n{}", ended.stderr);
     }
 }
 
 #[test]
 fn the_examples_of_simulate_run() {
-    run_examples("simulate", &scratch("help-simulate"));
+    run_examples("simulate");
 }
 
 #[test]
 fn the_examples_of_extract_lines_run() {
-    run_examples("extract-lines", &scratch("help-extract-lines"));
+    run_examples("extract-lines");
 }
 
 #[test]
 fn the_examples_of_solve_pose_run() {
-    run_examples("solve-pose", &scratch("help-solve-pose"));
+    run_examples("solve-pose");
 }
 
 #[test]
 fn the_examples_of_report_run() {
-    run_examples("report", &scratch("help-report"));
+    run_examples("report");
 }
 
 #[test]
 fn the_examples_of_scan_capture_run() {
-    let dir = scratch("help-scan-capture");
-    std::fs::copy(testdata("lms511.cola"), dir.join("run.cola")).unwrap();
-    run_examples("scan-capture", &dir);
+    run_examples("scan-capture");
+}
+
+#[test]
+fn the_examples_of_the_readme_run() {
+    let dir = scratch("help-readme");
+    std::fs::create_dir(dir.join("testdata")).unwrap();
+    std::fs::rename(dir.join("frame.toml"), dir.join("testdata/cablar.toml")).unwrap();
+    let readme = include_str!("../README.md");
+    let blocks: Vec<&str> = readme
+        .split("<!-- example -->\n```sh\n")
+        .skip(1)
+        .map(|rest| rest.split("```").next().unwrap())
+        .collect();
+    assert_eq!(blocks.len(), 3);
+    for block in blocks {
+        let ended = sh(&dir, &format!("set -e\n{block}"));
+        assert_eq!(ended.status, 0, "{block}\n{}", ended.stderr);
+    }
 }
 
 #[test]
@@ -131,6 +166,7 @@ fn a_tool_that_is_not_built_says_so_and_ends_with_status_69() {
 
 #[test]
 fn examples_are_found_in_a_help_text() {
-    let help = "Options:\n  -h\n\nEXAMPLES\n  # a remark\n  simulate \\\n    | report -\n\n  report x\n\nSEE ALSO\n  more\n";
+    let help = "Options:\n  -h\n\nEXAMPLES\n  A remark:\n    simulate \\\n      | report -\n  \
+        Another:\n    report x\n\nSEE ALSO\n    more\n";
     assert_eq!(examples(help), ["simulate | report -", "report x"]);
 }

@@ -70,12 +70,15 @@ impl Page {
     }
 
     fn closing_sections(&self, roff: &mut Roff) {
-        roff.control("SH", ["EXIT STATUS"]);
-        for (status, meaning) in STATUSES {
-            if self.statuses.contains(status) {
-                roff.control("TP", []);
-                roff.text([bold(status.to_string())]);
-                roff.text([roman(*meaning)]);
+        let more = self.command.get_after_long_help();
+        if !more.is_some_and(|more| more.to_string().contains("\nEXIT STATUS\n")) {
+            roff.control("SH", ["EXIT STATUS"]);
+            for (status, meaning) in STATUSES {
+                if self.statuses.contains(status) {
+                    roff.control("TP", []);
+                    roff.text([bold(status.to_string())]);
+                    roff.text([roman(*meaning)]);
+                }
             }
         }
         roff.control("SH", ["SEE ALSO"]);
@@ -85,33 +88,33 @@ impl Page {
     }
 }
 
-/// `after_long_help` as sections: a line that is all capitals opens one, indented lines are shown
-/// as they are, the rest is running text.
+/// `after_long_help` as sections: a line that is all capitals opens one, lines indented by four or
+/// more are shown as they are, the rest is running text.
 fn more_sections(text: &str, roff: &mut Roff) {
     let mut verbatim = false;
     for line in text.lines() {
-        let indented = line.starts_with(' ');
-        if indented != verbatim && !line.trim().is_empty() {
-            if indented {
-                roff.control("PP", []).control("nf", []);
+        let as_it_is = line.starts_with("    ");
+        if as_it_is != verbatim && !line.is_empty() {
+            if as_it_is {
+                roff.control("RS", []).control("nf", []);
             } else {
-                roff.control("fi", []);
+                roff.control("fi", []).control("RE", []);
             }
-            verbatim = indented;
+            verbatim = as_it_is;
         }
-        let words = line.trim_end().trim_end_matches(':');
-        if is_heading(words) {
-            roff.control("SH", [words]);
-        } else if !line.trim().is_empty() {
-            roff.text([roman(line)]);
-        } else if !verbatim {
-            roff.control("PP", []);
-        } else {
-            roff.text([roman("")]);
+        if verbatim {
+            roff.text([roman(line.strip_prefix("    ").unwrap_or(line))]);
+        } else if is_heading(line) {
+            roff.control("SH", [line]);
+        } else if !line.is_empty() {
+            if line.starts_with("  ") {
+                roff.control("PP", []);
+            }
+            roff.text([roman(line.trim_start())]);
         }
     }
     if verbatim {
-        roff.control("fi", []);
+        roff.control("fi", []).control("RE", []);
     }
 }
 
@@ -131,12 +134,22 @@ fn tidy(page: &str) -> String {
     out
 }
 
+const FILTER: &[u8] = &[0, 2, 3, 65, 66, 74, 78];
+
 fn pages() -> Vec<Page> {
     vec![
+        Page::of::<tool::scan_capture::Args>(FILTER, &["extract-lines", "timesync"]),
         Page::of::<tool::imu_read::Args>(&[2, 69], &["solve-pose", "timesync"]),
         Page::of::<tool::timesync::Args>(&[2, 69], &["scan-capture", "compensate-delay"]),
+        Page::of::<tool::simulate::Args>(
+            &[0, 2, 65, 66, 74, 78],
+            &["extract-lines", "solve-pose", "report"],
+        ),
+        Page::of::<tool::extract_lines::Args>(FILTER, &["scan-capture", "simulate", "solve-pose"]),
+        Page::of::<tool::solve_pose::Args>(FILTER, &["extract-lines", "imu-read", "report"]),
         Page::of::<tool::compensate_delay::Args>(&[2, 69], &["solve-pose", "ads-push"]),
         Page::of::<tool::ads_push::Args>(&[2, 69], &["compensate-delay", "report"]),
+        Page::of::<tool::report::Args>(&[0, 2, 3, 4, 65, 66, 74], &["solve-pose", "simulate"]),
     ]
 }
 

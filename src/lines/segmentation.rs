@@ -41,7 +41,7 @@ impl Default for SegmentationOptions {
 /// scan to scan, so that nothing is allocated once the buffers have grown.
 ///
 /// The scan of a scanner that sees all round has no natural first beam: it is turned so that it
-/// starts behind its widest jump (or, without one, at its farthest point, which is a corner).
+/// starts behind its widest jump (or, without one, at its nearest point).
 #[derive(Clone, Debug, Default)]
 pub struct Returns {
     directions: BeamTable,
@@ -63,9 +63,6 @@ impl Returns {
         self.collect(scan, options);
         let rule = BreakRule::new(scan, options);
         self.drop_spikes(&rule, options);
-        if self.all_round {
-            self.turn(&rule);
-        }
         self.cut(&rule);
     }
 
@@ -191,7 +188,7 @@ impl Returns {
             to - from
         } else {
             // Round the seam.
-            (rule.steps_round + to).saturating_sub(from)
+            rule.steps_round.saturating_add(to).saturating_sub(from)
         }
     }
 
@@ -208,41 +205,57 @@ impl Returns {
         self.distance2_m2(k, next) > limit_m * limit_m
     }
 
-    fn turn(&mut self, rule: &BreakRule) {
-        let n = self.range_m.len();
-        let widest = (0..n)
-            .map(|k| (k, (k + 1) % n))
-            .filter(|(k, next)| self.is_break(*k, *next, rule))
-            .max_by(|a, b| {
-                let (a, b) = (self.distance2_m2(a.0, a.1), self.distance2_m2(b.0, b.1));
-                a.total_cmp(&b)
-            })
-            .map(|(_, next)| next);
-        let farthest = || {
-            let ranges = self.range_m.iter().enumerate();
-            ranges.max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| k)
-        };
-        if let Some(first) = widest.or_else(farthest) {
-            self.beam.rotate_left(first);
-            self.range_m.rotate_left(first);
-            self.y_m.rotate_left(first);
-            self.z_m.rotate_left(first);
-        }
-    }
-
+    /// Finds the groups' first beams.
     fn cut(&mut self, rule: &BreakRule) {
         let n = self.range_m.len();
         self.starts.clear();
         if n == 0 {
             return;
         }
-        self.starts.push(0);
+        if !self.all_round || self.is_break(n - 1, 0, rule) {
+            self.starts.push(0);
+        }
         for k in 1..n {
             if self.is_break(k - 1, k, rule) {
                 self.starts.push(k as u32);
             }
         }
+        if self.all_round {
+            self.turn();
+        }
         self.starts.push(n as u32);
+    }
+
+    /// Turns an all-round scan so that it starts behind its widest jump.
+    fn turn(&mut self) {
+        let n = self.range_m.len();
+        let width2_m2 = |k: usize| self.distance2_m2((k + n - 1) % n, k);
+        let widest = (0..self.starts.len()).max_by(|a, b| {
+            let (a, b) = (self.starts[*a] as usize, self.starts[*b] as usize);
+            width2_m2(a).total_cmp(&width2_m2(b))
+        });
+        let first = match widest {
+            Some(widest) => {
+                let first = self.starts[widest];
+                self.starts.rotate_left(widest);
+                for start in &mut self.starts {
+                    *start = (*start + n as u32 - first) % n as u32;
+                }
+                first as usize
+            }
+            // The nearest point is no corner of a room: the cut wall is merged again, whereas a
+            // corner's beams on the wrong side of the cut would stay there.
+            None => {
+                self.starts.push(0);
+                let ranges = self.range_m.iter().enumerate();
+                let nearest = ranges.min_by(|a, b| a.1.total_cmp(b.1));
+                nearest.map_or(0, |(k, _)| k)
+            }
+        };
+        self.beam.rotate_left(first);
+        self.range_m.rotate_left(first);
+        self.y_m.rotate_left(first);
+        self.z_m.rotate_left(first);
     }
 }
 

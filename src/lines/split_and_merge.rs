@@ -214,7 +214,8 @@ impl SplitAndMerge {
             let mut best_m2 = before.cost_m2 + after.cost_m2;
             for step in [-1isize, 1] {
                 let mut tried = border;
-                for _ in 0..BORDER_REACH {
+                let mut patience = BORDER_PATIENCE;
+                while patience > 0 {
                     tried = tried.wrapping_add_signed(step);
                     if tried <= a || tried >= b {
                         break;
@@ -223,6 +224,9 @@ impl SplitAndMerge {
                     if here_m2 < best_m2 {
                         best_m2 = here_m2;
                         border = tried;
+                        patience = BORDER_PATIENCE;
+                    } else {
+                        patience -= 1;
                     }
                 }
             }
@@ -375,7 +379,7 @@ impl SplitAndMerge {
             on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
         ];
         let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
-        (length_m >= self.options.min_length_m).then(|| Segment {
+        (length_m >= self.options.min_length_m).then_some(Segment {
             stamp: scan.stamp,
             seq: scan.seq,
             line: 0,
@@ -390,8 +394,8 @@ impl SplitAndMerge {
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
-/// How far a border may move, beams.
-const BORDER_REACH: usize = 5;
+/// Beams without a gain after which a border stays.
+const BORDER_PATIENCE: usize = 3;
 /// Beams that one of two runs must have before they may be merged.
 const MERGE_EVIDENCE: usize = 4;
 const TRIM_ROUNDS: usize = 4;
@@ -436,4 +440,264 @@ fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {
     let (sin, cos) = line.alpha_rad.sin_cos();
     let scale = line.d_m / (y_m * cos + z_m * sin);
     [y_m * scale, z_m * scale]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    /// Straight walls as pairs of end points, m, seen from the origin.
+    type Walls = Vec<[[f64; 2]; 2]>;
+
+    /// A room 6 m by 4 m with the scanner off its middle, turned by `turn_rad`.
+    fn room(turn_rad: f64) -> Walls {
+        let corners = [[2.5, -1.2], [2.5, 2.8], [-3.5, 2.8], [-3.5, -1.2]];
+        let corners = corners.map(|corner| turned(corner, turn_rad));
+        (0..4).map(|i| [corners[i], corners[(i + 1) % 4]]).collect()
+    }
+
+    fn turned([y, z]: [f64; 2], by_rad: f64) -> [f64; 2] {
+        let (sin, cos) = by_rad.sin_cos();
+        [y * cos - z * sin, y * sin + z * cos]
+    }
+
+    /// Range to the nearest wall along a direction; infinite where there is none.
+    fn cast(walls: &Walls, angle_rad: f64) -> f64 {
+        let (sin, cos) = angle_rad.sin_cos();
+        let hits = walls.iter().filter_map(|[a, b]| {
+            let (ey, ez) = (b[0] - a[0], b[1] - a[1]);
+            let det = sin * ey - cos * ez;
+            let range_m = (a[1] * ey - a[0] * ez) / det;
+            let share = (a[1] * cos - a[0] * sin) / det;
+            (range_m > 0.0 && (0.0..=1.0).contains(&share)).then_some(range_m)
+        });
+        hits.fold(f64::INFINITY, f64::min)
+    }
+
+    const STEP_RAD: f64 = TAU / 720.0;
+
+    /// An all-round scan in steps of half a degree.
+    fn scan(walls: &Walls) -> Scan {
+        // Half a step off, so that no beam meets a corner exactly.
+        let angle_min_rad = -PI + 0.5 * STEP_RAD;
+        Scan {
+            angle_min_rad,
+            angle_increment_rad: STEP_RAD,
+            ranges_m: (0..720)
+                .map(|i| cast(walls, angle_min_rad + f64::from(i) * STEP_RAD))
+                .collect(),
+            ..Scan::default()
+        }
+    }
+
+    fn with_noise(mut scan: Scan, seed: u64) -> Scan {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let noise = Normal::new(0.0, 0.0065).unwrap();
+        for range_m in scan.ranges_m.iter_mut() {
+            *range_m += noise.sample(&mut rng);
+        }
+        scan
+    }
+
+    fn lines(scan: &Scan) -> Vec<Segment> {
+        let mut out = Vec::new();
+        SplitAndMerge::default().extract(scan, &mut out);
+        out
+    }
+
+    fn off_rad(a: f64, b: f64) -> f64 {
+        let off = (a - b).rem_euclid(TAU);
+        off.min(TAU - off)
+    }
+
+    fn assert_has(segments: &[Segment], d_m: f64, alpha_rad: f64, tolerance: f64) {
+        let found = segments.iter().any(|s| {
+            (s.normal.d_m - d_m).abs() < tolerance
+                && off_rad(s.normal.alpha_rad, alpha_rad) < tolerance
+        });
+        assert!(found, "d {d_m} alpha {alpha_rad} not in {segments:#?}");
+    }
+
+    #[test]
+    fn four_walls_at_every_azimuth() {
+        for degrees in (0..360).step_by(15) {
+            let turn_rad = f64::from(degrees).to_radians();
+            let segments = lines(&scan(&room(turn_rad)));
+            assert_eq!(segments.len(), 4, "{degrees}: {segments:#?}");
+            for (d_m, alpha_rad) in [(2.5, 0.0), (2.8, FRAC_PI_2), (3.5, PI), (1.2, -FRAC_PI_2)] {
+                assert_has(&segments, d_m, alpha_rad + turn_rad, 1e-9);
+            }
+            assert!(segments.iter().all(|s| s.rms_m < 1e-9));
+        }
+    }
+
+    #[test]
+    fn one_wall_alone() {
+        for degrees in [0.0f64, 33.0, 90.0, 179.9, 180.0, 270.0] {
+            let turn_rad = degrees.to_radians();
+            let wall = [turned([3.0, -0.7], turn_rad), turned([3.0, 0.4], turn_rad)];
+            let segments = lines(&scan(&vec![wall]));
+            assert_eq!(segments.len(), 1, "{degrees}: {segments:#?}");
+            assert_has(&segments, 3.0, turn_rad, 1e-9);
+            let [[y0, z0], [y1, z1]] = segments[0].ends_m;
+            // Not longer than the wall, and short of it by less than a beam at either end.
+            let length_m = (y1 - y0).hypot(z1 - z0);
+            assert!(length_m <= 1.1 && length_m > 1.1 - 0.06, "{length_m}");
+            assert_eq!(segments[0].line, 0);
+        }
+    }
+
+    #[test]
+    fn end_points_come_in_beam_order() {
+        let segments = lines(&scan(&room(0.3)));
+        for segment in &segments {
+            let [a, b] = segment.ends_m;
+            assert!(a[0] * b[1] - a[1] * b[0] > 0.0, "{segment:?}");
+        }
+        let order: Vec<u32> = segments.iter().map(|s| s.line).collect();
+        assert_eq!(order, [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn a_wall_behind_a_column_is_one_line() {
+        let mut walls = room(0.0);
+        walls.push([[1.0, -0.06], [1.0, 0.06]]);
+        let segments = lines(&with_noise(scan(&walls), 5));
+        assert_eq!(segments.len(), 4, "{segments:#?}");
+        assert_has(&segments, 2.5, 0.0, 0.005);
+    }
+
+    #[test]
+    fn a_step_of_three_centimetres_is_two_lines() {
+        let mut walls = room(0.0);
+        walls[0] = [[2.5, -1.2], [2.5, 1.0]];
+        walls.push([[2.53, 0.9], [2.53, 2.8]]);
+        let segments = lines(&with_noise(scan(&walls), 5));
+        assert_eq!(segments.len(), 5, "{segments:#?}");
+        assert_has(&segments, 2.5, 0.0, 0.005);
+        assert_has(&segments, 2.53, 0.0, 0.02);
+    }
+
+    #[test]
+    fn missing_returns_are_as_if_not_there() {
+        let whole = with_noise(scan(&room(0.4)), 1);
+        let missing = [3usize, 100, 101, 350, 719];
+        let with = |value: f64| {
+            let mut scan = whole.clone();
+            for i in missing {
+                scan.ranges_m[i] = value;
+            }
+            scan.range_max_m = 65.0;
+            lines(&scan)
+        };
+        let reference = with(f64::INFINITY);
+        assert_eq!(reference.len(), 4);
+        for value in [0.0, -1.0, f64::NAN, f64::NEG_INFINITY, 80.0] {
+            assert_eq!(with(value), reference, "{value}");
+        }
+        // Beams without a return behind the last one change nothing either.
+        let mut half = whole;
+        half.ranges_m.truncate(400);
+        let reference = lines(&half);
+        half.ranges_m.extend([f64::INFINITY; 100]);
+        assert_eq!(lines(&half), reference);
+    }
+
+    #[test]
+    fn nothing_comes_of_nothing() {
+        assert!(lines(&Scan::default()).is_empty());
+        let mut empty = scan(&vec![]);
+        assert!(lines(&empty).is_empty());
+        empty.ranges_m[10] = 1.0;
+        assert!(lines(&empty).is_empty());
+        empty.angle_increment_rad = f64::NAN;
+        assert!(lines(&empty).is_empty());
+        empty.angle_increment_rad = 0.0;
+        empty.ranges_m.iter_mut().for_each(|r| *r = 2.0);
+        assert!(lines(&empty).is_empty());
+    }
+
+    #[test]
+    fn scale_and_sigma_scale_together() {
+        let once = with_noise(scan(&room(0.2)), 9);
+        let mut twice = once.clone();
+        twice
+            .ranges_m
+            .iter_mut()
+            .for_each(|range_m| *range_m *= 2.0);
+        let mut options = SplitAndMergeOptions::default();
+        options.segmentation.sigma_m *= 2.0;
+        options.segmentation.max_gap_m *= 2.0;
+        options.min_length_m *= 2.0;
+        let mut scaled = Vec::new();
+        SplitAndMerge::new(options).extract(&twice, &mut scaled);
+        let reference = lines(&once);
+        assert_eq!(scaled.len(), reference.len());
+        for (a, b) in scaled.iter().zip(&reference) {
+            assert!((a.normal.d_m - 2.0 * b.normal.d_m).abs() < 1e-9);
+            assert!((a.normal.alpha_rad - b.normal.alpha_rad).abs() < 1e-9);
+            assert_eq!(a.points, b.points);
+        }
+    }
+
+    #[test]
+    fn a_mirrored_scene_gives_mirrored_lines() {
+        let straight = scan(&room(0.7));
+        let mut mirrored = straight.clone();
+        mirrored.angle_min_rad = -straight.angle_rad(straight.beams() - 1);
+        mirrored.ranges_m.reverse();
+        let (straight, mirrored) = (lines(&straight), lines(&mirrored));
+        assert_eq!(straight.len(), mirrored.len());
+        for segment in &straight {
+            assert_has(
+                &mirrored,
+                segment.normal.d_m,
+                -segment.normal.alpha_rad,
+                1e-9,
+            );
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        /// Which beam of an all-round scanner is called the first does not matter.
+        #[test]
+        fn the_first_beam_does_not_matter(by in 1usize..720, seed in 0u64..50) {
+            let mut walls = room(0.1);
+            // Something to jump at: without it the scan starts at its nearest beam.
+            walls.push([[1.0, 0.5], [1.4, 0.5]]);
+            let straight = with_noise(scan(&walls), seed);
+            let mut rolled = straight.clone();
+            rolled.ranges_m.rotate_left(by);
+            let (straight, rolled) = (lines(&straight), lines(&rolled));
+            prop_assert_eq!(straight.len(), rolled.len());
+            let turn_rad = by as f64 * STEP_RAD;
+            for segment in &straight {
+                assert_has(&rolled, segment.normal.d_m, segment.normal.alpha_rad - turn_rad, 1e-9);
+            }
+        }
+
+        #[test]
+        fn any_ranges_are_taken(
+            ranges_m in proptest::collection::vec(proptest::num::f64::ANY, 0..80),
+            step_rad in -0.2f64..0.2,
+        ) {
+            let scan = Scan {
+                angle_min_rad: 0.0,
+                angle_increment_rad: step_rad,
+                ranges_m: ranges_m.into(),
+                ..Scan::default()
+            };
+            for segment in lines(&scan) {
+                prop_assert!(segment.normal.d_m.is_finite());
+                prop_assert!(segment.points >= 9);
+            }
+        }
+    }
 }

@@ -101,7 +101,7 @@ impl<P: Profile> Motion for Shuttle<P> {
         }
         let leg = ((t_s / leg_s).max(0.0) as u64).min(legs - 1);
         let travel = self.profile.at(t_s - leg as f64 * leg_s - self.dwell_s);
-        if leg % 2 == 0 {
+        if leg.is_multiple_of(2) {
             between(&self.from, &self.to, travel)
         } else {
             between(&self.to, &self.from, travel)

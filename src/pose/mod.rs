@@ -7,3 +7,4 @@
 mod interval;
 pub mod joint;
 pub mod pitch;
+pub mod vote;

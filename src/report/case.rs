@@ -136,6 +136,34 @@ pub struct Report {
     pub date: Option<String>,
 }
 
+impl Report {
+    /// What was left out or could not be compared, in plain sentences; empty if all is well.
+    pub fn losses(&self) -> Vec<String> {
+        let mut losses = Vec::new();
+        for (count, what) in [
+            (self.reference.incomplete, "without all six numbers"),
+            (self.reference.repeated, "at the stamp of another"),
+        ] {
+            if count > 0 {
+                let (source, count) = (&self.reference_source, number::count(count));
+                losses.push(format!("{source}: points {what}: {count} left out"));
+            }
+        }
+        for case in self.cases.iter().filter(|c| c.repeated > 0) {
+            let count = number::count(case.repeated);
+            losses.push(format!(
+                "{}: rows at the stamp of another: {count} left out",
+                case.name()
+            ));
+        }
+        for case in self.cases.iter().filter(|c| c.is_empty()) {
+            let why = case.notes.last().cloned().unwrap_or_default();
+            losses.push(format!("{}: {why}", case.name()));
+        }
+        losses
+    }
+}
+
 /// A pose with its reference.
 struct Sample {
     /// Index into the run's poses.

@@ -33,7 +33,7 @@ fn plot<'a>(sheet: &Sheet<'a>, margins: Margins, x: [f64; 2], y: [f64; 2]) -> Pl
             y[0]..y[1],
             {
                 let (wide, high) = sheet.dim_in_pixel();
-                (left..wide as i32 - right, top..high as i32 - bottom)
+                (left..wide as i32 - right, high as i32 - bottom..top)
             },
         ))
 }
@@ -136,7 +136,8 @@ pub(super) fn over_time(
         let at = |i: usize| (i as f64 + 0.5) * step;
         let shown = |v: f64| (v * axis.factor).clamp(-top, top);
         band(&plot, &columns, &at, &|c| shown(3.0 * c.sigma()))?;
-        let x_ticks = ticks(0.0, trace.duration_s, width as usize / 110);
+        // A run of 399.97 s still has its tick at 400.
+        let x_ticks = ticks(0.0, trace.duration_s * 1.005, width as usize / 110);
         axes(
             sheet,
             &plot,
@@ -305,7 +306,7 @@ const HEAT_MARGINS: Margins = [34, 62, 4, 22];
 fn heat_height(layout: &Layout, width: u32) -> u32 {
     let [wide, high] = [0, 1].map(|i| layout.size_m[i] * layout.count[i] as f64);
     let inner = f64::from(width) - f64::from(HEAT_MARGINS[0] + HEAT_MARGINS[1]);
-    let height = (inner * high / wide).clamp(90.0, 190.0);
+    let height = (inner * high / wide).clamp(110.0, 190.0);
     height.round() as u32 + (HEAT_MARGINS[2] + HEAT_MARGINS[3]) as u32
 }
 
@@ -400,9 +401,9 @@ fn colour_scale(sheet: &Sheet<'_>, heat: &Heat<'_>, (width, height): (u32, u32))
     Ok(())
 }
 
-/// The end of a colour scale for `values`: the largest, but not far beyond nearly all of them, and
-/// whether some are beyond.
-pub(super) fn heat_limit(values: &[f64]) -> (f64, bool) {
+/// The end of a colour scale for `values` and the largest of them, which is beyond the end where a
+/// few cells would leave all others in one colour.
+pub(super) fn heat_limit(values: &[f64]) -> (f64, f64) {
     let mut sizes: Vec<f64> = values
         .iter()
         .filter(|v| v.is_finite())
@@ -410,11 +411,11 @@ pub(super) fn heat_limit(values: &[f64]) -> (f64, bool) {
         .collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let largest = sizes.last().copied().unwrap_or(0.0);
-    let most = super::statistics::percentile(&sizes, 95.0);
-    let limit = above(if largest > 3.0 * most {
-        1.5 * most
+    let median = super::statistics::percentile(&sizes, 50.0);
+    let limit = if largest > 10.0 * median && median > 0.0 {
+        5.0 * median
     } else {
         largest
-    });
-    (limit, largest > limit)
+    };
+    (above(limit), largest)
 }

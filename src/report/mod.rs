@@ -21,6 +21,7 @@ mod figure;
 mod gate;
 pub mod json;
 mod number;
+pub mod origin;
 pub mod page;
 mod scale;
 mod scans;

@@ -7,7 +7,7 @@ use super::case::{AxisResult, Case, Report};
 use super::consistency::Consistency;
 use super::figure::{self, Heat};
 use super::number::{NONE, change, count, fixed};
-use super::terminal::{comparison_rows, matching_line, run_line};
+use super::terminal::{ComparisonRow, comparison_rows, matching_line, run_line};
 use super::workspace::{CELL_AXES, Cell, Cells};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -72,16 +72,16 @@ pub fn write(report: &Report) -> String {
 
 fn provenance_line(report: &Report) -> Markup {
     html! {
-        @for case in &report.cases {
+        @for (i, case) in report.cases.iter().enumerate() {
             p {
                 @if report.cases.len() > 1 { (case.name()) ": " }
                 "measured against " (report.role) " (" (report.reference_source) ") · "
                 (run_line(case)) " · " (matching_line(report, case))
+                @if i + 1 == report.cases.len() {
+                    " · report " (env!("CARGO_PKG_VERSION"))
+                    @if let Some(date) = &report.date { ", " (date) }
+                }
             }
-        }
-        p {
-            "report " (env!("CARGO_PKG_VERSION"))
-            @if let Some(date) = &report.date { " · " (date) }
         }
     }
 }
@@ -103,9 +103,10 @@ fn cards(case: &Case) -> Markup {
         let below = if index == POSITION {
             format!("95 % below {}", value(s.map(|s| s.p95)))
         } else {
+            let bias = s.map_or(f64::NAN, |s| s.bias * axis.factor);
             format!(
                 "bias {}, max {}",
-                value(s.map(|s| s.bias)),
+                fixed(bias, axis.decimals),
                 value(s.map(|s| s.max))
             )
         };
@@ -127,10 +128,14 @@ fn cards(case: &Case) -> Markup {
     let scans = &case.scans;
     let without = scans.refused() + scans.lost;
     let total = count(scans.rows + scans.lost);
-    let solved = if scans.solved_pct() < SOLVED_LIMIT_PCT {
-        "warn"
+    let (solved, below_solved) = if scans.solved_pct() < SOLVED_LIMIT_PCT {
+        let limit = fixed(SOLVED_LIMIT_PCT, 0);
+        (
+            "warn",
+            format!("below {limit} %: {} without", count(without)),
+        )
     } else {
-        ""
+        ("", format!("{} of {total} without a pose", count(without)))
     };
     html! {
         div class="cards" {
@@ -141,7 +146,7 @@ fn cards(case: &Case) -> Markup {
             (card(
                 "scans solved",
                 &format!("{} %", fixed(scans.solved_pct(), if without == 0 { 0 } else { 1 })),
-                &format!("{} of {total} without a pose", count(without)),
+                &below_solved,
                 solved,
             ))
         }
@@ -227,7 +232,7 @@ fn maps() -> [Map; 6] {
 }
 
 /// Cells of the heat maps of one page, whatever the number of maps.
-const PAGE_CELLS: usize = 1500;
+const PAGE_CELLS: usize = 1200;
 
 fn workspace(cases: &[Case]) -> Markup {
     let drawn: Vec<&Case> = cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect();
@@ -242,13 +247,17 @@ fn workspace(cases: &[Case]) -> Markup {
     if cells.iter().all(|(_, c)| c.filled().count() < 2) {
         return html! {};
     }
-    let limit = |family: usize| {
+    let own = |cells: &Cells, family: usize| {
         let alike = maps.iter().filter(|m| m.family == family);
-        let values: Vec<f64> = alike
-            .flat_map(|m| cells.iter().map(move |(_, c)| (m, c)))
-            .flat_map(|(m, c)| c.filled().map(|(_, cell)| (m.value)(cell)))
-            .collect();
-        figure::heat_limit(&values)
+        let values = alike.flat_map(|m| cells.filled().map(|(_, cell)| (m.value)(cell)));
+        figure::heat_limit(&values.collect::<Vec<f64>>())
+    };
+    // Runs share a scale where they are alike; a run that fails by metres would blind the others.
+    let limit = |cells_of: &Cells, family: usize| {
+        let limits = || cells.iter().map(|(_, c)| own(c, family).0);
+        let (low, high) = limits().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+        let (limit, largest) = own(cells_of, family);
+        (if high <= 4.0 * low { high } else { limit }, largest)
     };
     let few = cells.iter().map(|(_, c)| c.layout.few).max().unwrap_or(1);
     let size = cells.first().map_or([0.0; 2], |(_, c)| c.layout.size_m);
@@ -263,7 +272,7 @@ fn workspace(cases: &[Case]) -> Markup {
             @if cases.len() > 1 { h3 { (name) } }
             div class="three" {
                 @for map in maps.iter().take(shown) {
-                    @let (end, beyond) = limit(map.family);
+                    @let (end, largest) = limit(cells, map.family);
                     @let heat = Heat {
                         layout: cells.layout,
                         cells: cells.filled().collect(),
@@ -272,9 +281,13 @@ fn workspace(cases: &[Case]) -> Markup {
                         signed: map.signed,
                         decimals: map.decimals,
                     };
-                    @let unit = if beyond { format!("{}, some beyond the scale", map.unit) } else { map.unit.to_owned() };
+                    @let unit = if largest > end * (1.0 + 1e-9) {
+                        format!("{}, up to {} beyond the scale", map.unit, fixed(largest, 0))
+                    } else {
+                        map.unit.to_owned()
+                    };
                     @let label = format!("{} over the workspace, {name}", map.title);
-                    (titled(map.title, &unit, figure::heat_map(&heat, 357, &label)))
+                    (titled(map.title, &unit, figure::heat_map(&heat, 341, &label)))
                 }
             }
         }
@@ -284,22 +297,21 @@ fn workspace(cases: &[Case]) -> Markup {
 fn over_time(cases: &[Case]) -> Markup {
     let drawn: Vec<&Case> = cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect();
     let several = cases.len() > 1;
-    let axes: &[usize] = if several {
-        &[0, 5]
-    } else {
-        &[0, 5, 1, 2, 3, 4]
-    };
-    // The same component of several runs shares its scale, unless one is far worse.
+    let axes: &[usize] = if several { &[0, 5] } else { &[1, 2, 3, 4] };
     let limit = |result: &AxisResult| figure::trace_limit(&result.trace, &result.statistics);
     html! {
         @if !drawn.is_empty() { h2 { "Over time" } }
         @for case in &drawn {
             @if several { h3 { (case.name()) } }
             @if !several {
-                @if let Some(result) = case.axes.first() { (time_figure(0, result, limit(result), (1072, 200))) }
+                @for index in [0, 5] {
+                    @if let Some(result) = case.axes.get(index).filter(|a| a.statistics.n > 0) {
+                        div style="margin-top:12px" { (time_figure(index, result, limit(result), (1072, 190))) }
+                    }
+                }
             }
             div class="two" style="margin-top:14px" {
-                @for index in axes.iter().filter(|i| several || **i > 0) {
+                @for index in axes {
                     @if let Some(result) = case.axes.get(*index).filter(|a| a.statistics.n > 0) {
                         (time_figure(*index, result, limit(result), (524, 150)))
                     }
@@ -322,7 +334,7 @@ fn time_figure(
     } else {
         format!("Error in {}", axis.name)
     };
-    let mut unit = format!("{} over s", axis.symbol);
+    let mut unit = format!("{}, time in s", axis.symbol);
     if beyond > 0 {
         unit = format!("cut at {}; {unit}", quantity(limit, axis));
     }
@@ -424,12 +436,13 @@ fn scan_table(case: &Case) -> Markup {
         p {
             (count(scans.solved)) " of " (count(total)) " scans solved ("
             (fixed(scans.solved_pct(), 2)) " %), " (count(scans.refused())) " refused, "
-            (count(scans.lost)) " lost."
+            (count(scans.lost)) " lost"
             @for (what, spread) in spreads {
                 @if let Some(s) = spread.filter(|s| s.max > 0) {
-                    " " (what) ": " (s.min) " to " (s.max) ", mean " (fixed(s.mean, 1)) "."
+                    "; " (what) " " (s.min) " to " (s.max) ", mean " (fixed(s.mean, 1))
                 }
             }
+            "."
         }
         table {
             thead { tr { th { "status" } th { "pose" } th { "scans" } th { "share" } th {} } }
@@ -472,12 +485,25 @@ fn comparison(cases: &[Case]) -> Markup {
                         @for (i, case) in cases.iter().enumerate() {
                             @let value = (row.value)(case);
                             td { (fixed(value, row.decimals)) }
-                            @if i > 0 { td { (change(first, value)) } }
+                            @if i > 0 { td class=[better(row, first, value)] { (change(first, value)) } }
                         }
                     }
                 }
             }
         }
+    }
+}
+
+/// The class of a change by more than a hundredth, where smaller is better.
+fn better(row: &ComparisonRow, first: f64, value: f64) -> Option<&'static str> {
+    if !row.smaller_is_better {
+        None
+    } else if value < 0.99 * first {
+        Some("good")
+    } else if value > 1.01 * first {
+        Some("warn")
+    } else {
+        None
     }
 }
 

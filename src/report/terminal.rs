@@ -253,6 +253,7 @@ impl Text {
 pub(super) struct ComparisonRow {
     pub title: String,
     pub decimals: usize,
+    pub smaller_is_better: bool,
     pub value: Box<dyn Fn(&Case) -> f64>,
 }
 
@@ -269,6 +270,7 @@ pub(super) fn comparison_rows() -> Vec<ComparisonRow> {
                     axis.unit
                 ),
                 decimals: axis.decimals,
+                smaller_is_better: true,
                 value: Box::new(move |case: &Case| {
                     let s = case.axes.get(i).map(|a| a.statistics);
                     s.map_or(f64::NAN, |s| {
@@ -281,11 +283,13 @@ pub(super) fn comparison_rows() -> Vec<ComparisonRow> {
     rows.push(ComparisonRow {
         title: "x+yaw NEES / dof".to_owned(),
         decimals: 2,
+        smaller_is_better: false,
         value: Box::new(|case| case.groups.first().map_or(f64::NAN, |g| g.nees)),
     });
     rows.push(ComparisonRow {
         title: "solved, %".to_owned(),
         decimals: 1,
+        smaller_is_better: false,
         value: Box::new(|case| case.scans.solved_pct()),
     });
     rows

@@ -4,7 +4,7 @@
 pub const CELL_AXES: [usize; 4] = [0, 1, 2, 5];
 
 /// Most cells a layout has, so that a page stays small and a cell can be seen.
-const MAX_CELLS: usize = 288;
+const MAX_CELLS: usize = 200;
 /// Poses that a cell should hold on average.
 const WANTED: usize = 10;
 /// Poses below which a cell of a moving run says nothing.
@@ -131,7 +131,6 @@ fn grid_step(positions: &[[f64; 2]], i: usize) -> Option<f64> {
     let Some(step) = steps.iter().copied().min() else {
         return Some(1.0);
     };
-    // Fewer lines than a fifth of the poses, or every line on a multiple of the step.
     let even = lines.iter().all(|line| {
         let rest = (line - lines[0]) % step;
         rest.min(step - rest) <= SAME_UM

@@ -31,6 +31,9 @@ mod run;
 pub mod scanner;
 mod world;
 
+#[cfg(test)]
+mod physics_tests;
+
 pub use course::{Course, Grid, Scatter};
 pub use effects::{Effect, Effects};
 pub use parameters::Parameters;

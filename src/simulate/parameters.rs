@@ -136,7 +136,8 @@ table!(
 );
 
 table!(
-    /// Several echoes.
+    /// Several echoes. With them a surface counts by its own share of the spot, and the hit threshold
+    /// has no say.
     Echoes {
         /// The most echoes.
         count: usize = 5,

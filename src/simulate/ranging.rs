@@ -183,7 +183,7 @@ impl ScanPhysics<'_> {
         let remission = self.remission.normal();
         let mut count = 1;
         if physics.effects.has(Effect::Echoes) {
-            let parts = self.all_parts(&sight, shadow);
+            let parts = self.all_parts(&sight, shadow, mixed);
             let most = physics.parameters.echoes.count.clamp(1, MAX_ECHOES);
             let present = parts.iter().flatten();
             count = 0;
@@ -228,23 +228,38 @@ impl ScanPhysics<'_> {
             },
             _ => background?,
         };
-        let [low, high] = p.mixed.between;
-        let between = mixed && share > low && share < high;
-        if let (true, Some(hit), Some(behind)) = (
-            between && self.physics.effects.has(Effect::Mixed),
-            sight.reflector,
-            sight.background,
-        ) {
-            // The pulse's centre of gravity: each surface counts with its share of the spot.
-            part.surface.range_m = share * hit.surface.range_m + (1.0 - share) * behind.range_m;
+        if let Some(range_m) = self.mixed_range_m(sight, share, mixed) {
+            part.surface.range_m = range_m;
         }
         part.power = self.level_if_needed(|| power(&part.surface));
         Some(part)
     }
 
+    /// The range between reflector and background that a mixed beam returns.
+    fn mixed_range_m(&self, sight: &Sight, share: f64, mixed: bool) -> Option<f64> {
+        let [low, high] = self.physics.parameters.mixed.between;
+        let concerned = mixed && share > low && share < high;
+        if !concerned || !self.physics.effects.has(Effect::Mixed) {
+            return None;
+        }
+        // The pulse's centre of gravity: each surface counts with its share of the spot.
+        let (hit, behind) = (sight.reflector?, sight.background?);
+        Some(share * hit.surface.range_m + (1.0 - share) * behind.range_m)
+    }
+
     /// All surfaces with enough of the spot, nearest first.
-    fn all_parts(&self, sight: &Sight, shadow: Option<Shadow>) -> [Option<Part>; 3] {
+    fn all_parts(&self, sight: &Sight, shadow: Option<Shadow>, mixed: bool) -> [Option<Part>; 3] {
         let p = &self.physics.parameters;
+        let share = sight.reflector.map_or(0.0, |hit| hit.share);
+        // A mixed beam's two echoes have run into one.
+        let mut sight = *sight;
+        if let Some(range_m) = self.mixed_range_m(&sight, share, mixed) {
+            sight.background = None;
+            if let Some(hit) = &mut sight.reflector {
+                hit.surface.range_m = range_m;
+                hit.share = 1.0;
+            }
+        }
         let covered = shadow.map_or(0.0, |s| s.share);
         let on_reflector = (1.0 - covered) * sight.reflector.map_or(0.0, |hit| hit.share);
         let behind = 1.0 - covered - on_reflector;

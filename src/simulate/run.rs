@@ -251,8 +251,7 @@ const NO_ECHO: Echo = Echo {
 };
 
 fn blank_step(scanner: &Scanner) -> Step {
-    let mut step = Step::default();
-    step.scan = Scan {
+    let scan = Scan {
         angle_min_rad: scanner.angle_min_rad(),
         angle_increment_rad: scanner.mode.resolution_rad(),
         time_increment_s: scanner.time_increment_s(),
@@ -261,7 +260,10 @@ fn blank_step(scanner: &Scanner) -> Step {
         range_max_m: scanner.model.range_m[1],
         ..Scan::default()
     };
-    step
+    Step {
+        scan,
+        ..Step::default()
+    }
 }
 
 fn clear_echoes(scan: &mut Scan, further: usize, with_remission: bool) {

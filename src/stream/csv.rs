@@ -16,6 +16,7 @@ use std::io::{Read, Write};
 const BUFFER: usize = 1 << 16;
 
 /// Why a row gave no record.
+#[derive(Debug)]
 pub(super) enum RowError {
     /// The row is bad; the next one may not be.
     Bad(Fault),
@@ -46,7 +47,7 @@ impl<R: StreamRecord> CsvReader<R> {
         let mut header = ByteRecord::new();
         if !reader.read_byte_record(&mut header)? {
             return Err(Fault::BadData(format!(
-                "{name}: empty: a {} stream starts with a header row",
+                "{name}: empty: {} records start with a header row",
                 R::KIND
             ))
             .into());
@@ -160,14 +161,12 @@ fn find_columns<R: Record>(header: &ByteRecord) -> Result<Vec<Option<usize>>, St
     } else {
         format!("columns {} missing", missing.join(", "))
     };
-    Err(match kinds::of_header(&names) {
-        Some(kind) if kind != R::KIND => {
-            format!(
-                "this is a {kind} stream, a {} stream is wanted: {columns}",
-                R::KIND
-            )
-        }
-        _ => format!("{columns} (wanted for a {} stream)", R::KIND),
+    Err(match kinds::of_header(&names, R::KIND) {
+        Some(kind) => format!(
+            "these are {kind} records, {} records are wanted: {columns}",
+            R::KIND
+        ),
+        None => format!("{columns} ({} records are wanted)", R::KIND),
     })
 }
 

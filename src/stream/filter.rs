@@ -57,7 +57,10 @@ pub fn filter<S: Stage>(
     let source = Source::open(input, options)?;
     let output = Output::open_as(options, options.format.unwrap_or(source.encoding))?;
     let mut input = Input::from_source(source, Role::Desired, options.window, options)?;
-    output.with_mcap(|mcap| mcap.declare::<S::Out>())?;
+    output.with_mcap(|mcap| {
+        mcap.declare::<S::Out>();
+        Ok(())
+    })?;
     let mut emit = Emit {
         output: &output,
         record: PhantomData,

@@ -41,6 +41,19 @@ impl<R: StreamRecord> Input<R> {
         Input::open_in(path, Role::Desired, options.window, options)
     }
 
+    /// Opens bytes that do not come from a path, such as one copy of a stream that two readers
+    /// share ([`super::copies`]). `name` is for messages, `role` for trajectories in MCAP.
+    pub fn from_reader(
+        bytes: impl Read + 'static,
+        name: &str,
+        role: Role,
+        options: &Options,
+    ) -> anyhow::Result<Input<R>> {
+        let name = name.to_owned();
+        let source = Source::sniff(Box::new(bytes), name, false, options.input_format)?;
+        Input::from_source(source, role, options.window, options)
+    }
+
     fn open_in(
         path: Option<&Path>,
         role: Role,

@@ -26,33 +26,45 @@ pub(super) fn columns<R: Record>() -> Vec<(&'static str, Presence)> {
     list.0
 }
 
-/// The kind whose required columns are all there and that knows the most of the others.
-pub(super) fn of_header(names: &[String]) -> Option<&'static str> {
+/// The kind that a header is of, if it is another than the `wanted` one: its required columns are
+/// all there, and it knows more of the columns than any other.
+pub(super) fn of_header(names: &[String], wanted: &str) -> Option<&'static str> {
     [
-        rank::<Scan>(names),
-        rank::<ReflectorLines>(names),
-        rank::<Segment>(names),
-        rank::<Pose>(names),
-        rank::<TrajectoryPoint>(names),
-        rank::<ImuSample>(names),
-        rank::<ClockExchange>(names),
+        Match::of::<Scan>(names),
+        Match::of::<ReflectorLines>(names),
+        Match::of::<Segment>(names),
+        Match::of::<Pose>(names),
+        Match::of::<TrajectoryPoint>(names),
+        Match::of::<ImuSample>(names),
+        Match::of::<ClockExchange>(names),
     ]
     .into_iter()
-    .flatten()
-    .max_by_key(|(_, known)| *known)
-    .map(|(kind, _)| kind)
+    .max_by_key(|found| (found.known, found.whole))
+    .filter(|best| best.whole && best.kind != wanted)
+    .map(|best| best.kind)
 }
 
-fn rank<R: Record>(names: &[String]) -> Option<(&'static str, usize)> {
-    let has = |column: &str| names.iter().any(|name| name == column);
-    let columns = columns::<R>();
-    columns
-        .iter()
-        .all(|(name, presence)| *presence != Presence::Required || has(name))
-        .then(|| {
-            let known = columns.iter().filter(|(name, _)| has(name)).count();
-            (R::KIND, known)
-        })
+/// How well a header fits a kind.
+struct Match {
+    kind: &'static str,
+    /// How many of the kind's columns are there.
+    known: usize,
+    /// Whether all required ones are.
+    whole: bool,
+}
+
+impl Match {
+    fn of<R: Record>(names: &[String]) -> Match {
+        let has = |column: &str| names.iter().any(|name| name == column);
+        let columns = columns::<R>();
+        Match {
+            kind: R::KIND,
+            known: columns.iter().filter(|(name, _)| has(name)).count(),
+            whole: columns
+                .iter()
+                .all(|(name, presence)| *presence != Presence::Required || has(name)),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -61,7 +73,7 @@ mod tests {
 
     fn kind_of<R: Record>() -> Option<&'static str> {
         let names: Vec<String> = columns::<R>().iter().map(|(n, _)| n.to_string()).collect();
-        of_header(&names)
+        of_header(&names, "")
     }
 
     #[test]
@@ -73,6 +85,6 @@ mod tests {
         assert_eq!(kind_of::<TrajectoryPoint>(), Some("trajectory"));
         assert_eq!(kind_of::<ImuSample>(), Some("imu"));
         assert_eq!(kind_of::<ClockExchange>(), Some("clock"));
-        assert_eq!(of_header(&["time".to_owned()]), None);
+        assert_eq!(of_header(&["time".to_owned()], ""), None);
     }
 }

@@ -13,7 +13,9 @@
 //!   it written; `--skip-bad` counts and skips it. [`exit`] has the other statuses.
 //! - The first SIGINT ends a source in good order, and a filter only when the end has come through.
 
+mod cdr;
 mod check;
+mod copies;
 mod csv;
 pub mod exit;
 mod filter;
@@ -25,11 +27,16 @@ mod output;
 mod progress;
 mod provenance;
 mod ros2;
+#[cfg(test)]
+mod round_trip_tests;
+#[cfg(test)]
+mod samples;
 mod side;
 pub mod viewer;
 mod window;
 
 pub use check::{BadField, StreamRecord};
+pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;

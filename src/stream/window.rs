@@ -45,6 +45,15 @@ impl WindowState {
             Place::Inside
         }
     }
+
+    /// Whether a message that is passed on lies inside. Only one of the stream's `own` topics
+    /// starts the clock of relative ends; what comes before that is passed on.
+    pub(super) fn passes(&mut self, stamp: Stamp, own: bool) -> bool {
+        if self.window == Window::default() || (self.first.is_none() && !own) {
+            return true;
+        }
+        self.place(stamp) == Place::Inside
+    }
 }
 
 #[cfg(test)]

@@ -107,11 +107,11 @@ impl GeneralArgs {
 const EXAMPLES: &str = "\
 EXAMPLES
   Reflector lines and strip edges, for solve-pose:
-    simulate -f testdata/cablar.toml | extract-lines -f testdata/cablar.toml | head -2
+    simulate -f frame.toml | extract-lines -f frame.toml > lines.csv
   The walls of a room, from a scanner's recorded bytes:
-    scan-capture --replay room.cola | extract-lines --method split-and-merge > segments.csv
+    scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
   A scanner with 15 mm of noise, only lines of a metre or more:
-    extract-lines --sigma-mm 15 --min-length-m 1 scans.csv
+    extract-lines --sigma-mm 15 --min-length-m 1 scans.csv > segments.csv
   MCAP in, MCAP out, scans and segments together:
     extract-lines --method split-and-merge run.mcap -o segments.mcap";
 

@@ -6,6 +6,7 @@ pub mod common;
 pub mod compensate_delay;
 pub mod extract_lines;
 pub mod imu_read;
+pub mod report;
 pub mod scan_capture;
 pub mod simulate;
 pub mod solve_pose;

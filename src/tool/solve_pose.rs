@@ -3,6 +3,7 @@
 use crate::frame::Frame;
 use crate::pose::joint;
 use crate::pose::pitch::{self, Pitch};
+use crate::pose::vote;
 use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Outcome, SideInput, Stage};
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
@@ -72,15 +73,12 @@ struct PitchArgs {
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  A simulated platform, pitch from its IMU:
-    simulate -f frame.toml -n 20 --imu imu.csv > scans.csv
-    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv
+  Pitch from an IMU:
+    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
-  The published method beside the default one:
-    extract-lines -f frame.toml scans.csv > lines.csv
-    solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv
-    solve-pose -f frame.toml --imu imu.csv lines.csv -o joint.csv";
+  The published method, to be compared with the default one:
+    solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
@@ -164,7 +162,7 @@ impl Stage for Solve {
         let pitch = self.pitch(lines)?;
         let pose = match self.method {
             Method::Joint => joint::solve(lines, &self.frame, pitch, &joint::Options::default()),
-            Method::Vote => unreachable!(),
+            Method::Vote => vote::pose(lines, &self.frame, pitch),
         };
         if pose.is_solved() {
             self.solved += 1;

@@ -106,7 +106,7 @@ pub fn testdata(name: &str) -> PathBuf {
 
 /// Runs a line of shell in `dir`; the programs' names mean those just built.
 pub fn sh(dir: &Path, line: &str) -> Ended {
-    let bin = Path::new(env!("CARGO_BIN_EXE_imu-read")).parent().unwrap();
+    let bin = Path::new(env!("CARGO_BIN_EXE_report")).parent().unwrap();
     let mut path = vec![bin.to_owned()];
     path.extend(std::env::split_paths(
         &std::env::var_os("PATH").unwrap_or_default(),

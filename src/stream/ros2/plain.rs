@@ -1,0 +1,66 @@
+//! Records that have no standard message: one topic of our own type each.
+
+use super::{Bodies, Message, Messages, Topic, definitions, every};
+use crate::record::{ClockExchange, ReflectorLines, Segment};
+use crate::stream::check::{BadField, StreamRecord};
+use crate::stream::{Role, cdr};
+
+macro_rules! plain {
+    ($record:ty, $topic:literal, $type:literal, sequence = $sequence:expr) => {
+        impl Messages for $record {
+            type Parts = ();
+
+            fn read_from(_: Role) -> &'static [&'static Topic] {
+                static TOPIC: Topic = Topic {
+                    name: $topic,
+                    type_name: $type,
+                    definition: |_| definitions::of_columns::<$record>(every),
+                };
+                static TOPICS: [&Topic; 1] = [&TOPIC];
+                &TOPICS
+            }
+
+            fn written_to(role: Role) -> &'static [&'static Topic] {
+                <$record>::read_from(role)
+            }
+
+            fn encode(&self, role: Role, out: &mut Bodies) -> Result<(), BadField> {
+                let sequence: fn(&$record) -> Option<u32> = $sequence;
+                out.sequence = sequence(self);
+                for topic in <$record>::written_to(role) {
+                    out.add(topic, |out| cdr::encode_columns(out, self, every))?;
+                }
+                Ok(())
+            }
+
+            fn decode(
+                &mut self,
+                _: &'static Topic,
+                message: Message<'_>,
+                _: &mut (),
+            ) -> Result<bool, BadField> {
+                cdr::decode_columns(message.body, self, every, <$record>::PARALLEL_LISTS)?;
+                Ok(true)
+            }
+        }
+    };
+}
+
+plain!(
+    ReflectorLines,
+    "/lines",
+    "cablepose_msgs/msg/ReflectorLines",
+    sequence = |lines| Some(lines.seq)
+);
+plain!(
+    Segment,
+    "/segments",
+    "cablepose_msgs/msg/Segment",
+    sequence = |segment| Some(segment.seq)
+);
+plain!(
+    ClockExchange,
+    "/clock_exchange",
+    "cablepose_msgs/msg/ClockExchange",
+    sequence = |_| None
+);

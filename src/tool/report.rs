@@ -1,0 +1,226 @@
+//! report: error statistics of poses against a true or desired trajectory.
+
+mod inputs;
+
+use super::common::{CommonArgs, parse_duration};
+use crate::report::{
+    Association, Case, Gate, Limits, Reference, Report, Settings, Zone, evaluate, json, origin,
+    page, terminal,
+};
+use crate::stream::{Fault, Options, Outcome, Role};
+use anyhow::Context;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const EXAMPLES: &str = "\
+EXAMPLES
+  simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
+    | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
+  report --truth truth.csv --html report.html poses.csv
+  report --truth truth.csv vote=<(solve-pose -f frame.toml --method vote lines.csv) joint=poses.csv
+  report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  report --truth truth.csv --json --fail-if 'x.rms_mm>50' --fail-if 'scans.solved_pct<50' poses.csv
+
+STATISTICS
+  of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
+  (n - 1), rms, median, mad (median of |e - median|), p95, p99, max, min (of |e|; percentiles linear
+  between order statistics, as numpy's), sse. Names are paths in --json: x.rms_mm, yaw.p95_deg,
+  x.nees, nees.x_yaw.nees, scans.solved_pct, scans.words.no-edges.
+
+EXIT STATUS
+  0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
+  condition holds, or its statistic has no value; 65 bad data; 66 no such input; 74 I/O error";
+
+/// Error statistics of poses against a true or desired trajectory
+#[derive(Clone, Debug, clap::Parser)]
+#[command(
+    name = "report",
+    version,
+    about,
+    long_about = "Compares poses with a true or desired trajectory: error statistics per component, over \
+                  time and over the workspace, whether the covariances are honest, what became of every \
+                  scan; one run, or several side by side. Prints a table, or JSON, and makes a page.",
+    after_long_help = EXAMPLES,
+    mut_arg("format", |arg| arg.hide(true))
+)]
+pub struct Args {
+    /// Poses: a file, a FIFO or - for stdin (the default), with a name for the run in front if wanted;
+    /// a file name with = in it is given as ./NAME
+    #[arg(value_name = "[NAME=]POSES")]
+    pub poses: Vec<String>,
+    /// True trajectory [default: /truth in the first run's stream, if that is MCAP]
+    #[arg(long, value_name = "FILE", conflicts_with = "desired")]
+    pub truth: Option<PathBuf>,
+    /// Desired trajectory, to compare with in place of the truth
+    #[arg(long, value_name = "FILE")]
+    pub desired: Option<PathBuf>,
+    /// Reference between two of its points: interpolated, or the nearest point
+    #[arg(long, value_name = "HOW", default_value = "interpolated", value_parser = parse_association)]
+    pub association: Association,
+    /// Longest time between points interpolated between [default: three spacings], or to the nearest
+    /// [default: 10ms]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub max_diff: Option<Duration>,
+    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
+    /// name in front if wanted (low=z<=3.5); several are scored side by side
+    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
+    pub zones: Vec<Zone>,
+    /// Size of the workspace's cells, m [default: from the data]
+    #[arg(long, value_name = "SIZE")]
+    pub cell_m: Option<f64>,
+    /// End with status 4 if the condition holds, as 'x.rms_mm>4.1' or 'joint:yaw.p95_deg>0.2'; several
+    /// allowed
+    #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
+    pub fail_if: Vec<Gate>,
+    /// Print JSON in place of the table
+    #[arg(long)]
+    pub json: bool,
+    /// Write a page with figures
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+    /// Title of the page
+    #[arg(long, value_name = "TEXT")]
+    pub title: Option<String>,
+    /// Print the workspace's cells for y and z too
+    #[arg(long)]
+    pub cells: bool,
+    /// ASCII only [default: where the locale is not UTF-8]
+    #[arg(long)]
+    pub ascii: bool,
+    /// Streams.
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+fn parse_association(text: &str) -> Result<Association, String> {
+    match text {
+        "interpolated" => Ok(Association::Interpolated),
+        "nearest" => Ok(Association::Nearest),
+        _ => Err("interpolated or nearest is wanted".to_owned()),
+    }
+}
+
+/// Runs the tool.
+///
+/// # Errors
+/// As every tool's: what cannot be read or written, or makes no sense.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    let options = args.common.options("report")?;
+    let report = make(&args, &options)?;
+    if let Some(path) = &args.html {
+        write_file(path, &page::write(&report))?;
+    }
+    let text = if args.json {
+        json::write(&report)?
+    } else {
+        terminal::write(&report, style(&args))
+    };
+    match &args.common.output {
+        Some(path) => write_file(path, &text)?,
+        None => {
+            let mut out = std::io::stdout().lock();
+            out.write_all(text.as_bytes())?;
+            out.flush()?;
+        }
+    }
+    Ok(outcome(&report))
+}
+
+/// Reads everything and sums it up.
+fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
+    let sources = origin::sources(&args.poses);
+    let (path, role) = match (&args.truth, &args.desired) {
+        (Some(path), _) => (path.clone(), Role::Truth),
+        (None, Some(path)) => (path.clone(), Role::Desired),
+        (None, None) => (
+            sources
+                .first()
+                .map_or_else(|| PathBuf::from("-"), |s| s.path.clone()),
+            Role::Truth,
+        ),
+    };
+    let given = args.truth.is_some() || args.desired.is_some();
+    let (runs, points) =
+        inputs::read(&sources, &path, role, options).map_err(|error| match given {
+            true => error,
+            false => error
+                .context("without --truth or --desired, the first run must be MCAP with /truth"),
+        })?;
+    let limits = Limits {
+        association: args.association,
+        max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
+    };
+    let reference = Reference::new(points, limits);
+    let settings = Settings {
+        zones: args.zones.clone(),
+        cell_m: args.cell_m,
+    };
+    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    let title = args.title.clone();
+    let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
+    let cases = evaluate(runs, &reference, &settings);
+    let judge = |gate: &Gate| {
+        let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
+        if cases.is_empty() {
+            return Err(Fault::Usage(format!(
+                "--fail-if '{}' names no run",
+                gate.text
+            )));
+        }
+        Ok(cases.into_iter().map(|c| gate.judge(c)).collect::<Vec<_>>())
+    };
+    let verdicts: Vec<Vec<_>> = args.fail_if.iter().map(judge).collect::<Result<_, _>>()?;
+    Ok(Report {
+        title,
+        role: if role == Role::Truth {
+            "truth"
+        } else {
+            "desired"
+        },
+        reference_source: origin::input_name(&path),
+        reference,
+        cases,
+        verdicts: verdicts.into_iter().flatten().collect(),
+        command: origin::command_line(std::env::args()),
+        date: std::env::var("SOURCE_DATE_EPOCH")
+            .ok()
+            .and_then(|s| origin::date(&s)),
+    })
+}
+
+fn style(args: &Args) -> terminal::Style {
+    let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
+    let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set);
+    let utf8 = locale.is_some_and(|l| l.to_uppercase().replace('-', "").contains("UTF8"));
+    let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
+    terminal::Style {
+        bold: terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb"),
+        ascii: args.ascii || !utf8,
+        all_cells: args.cells,
+    }
+}
+
+/// Writes a file under a temporary name and renames it when it is whole.
+fn write_file(path: &Path, text: &str) -> anyhow::Result<()> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    let partial = PathBuf::from(partial);
+    let name = || path.display().to_string();
+    std::fs::write(&partial, text).with_context(name)?;
+    std::fs::rename(&partial, path).with_context(name)
+}
+
+/// Says on stderr what a reader of the outputs must not miss, and which status that is.
+fn outcome(report: &Report) -> Outcome {
+    let mut outcome = Outcome::Done;
+    for loss in report.losses() {
+        outcome = Outcome::Degraded;
+        eprintln!("report: {loss}");
+    }
+    for verdict in report.verdicts.iter().filter(|v| v.failed) {
+        outcome = Outcome::GateFailed;
+        eprintln!("report: {verdict}");
+    }
+    outcome
+}

@@ -1,0 +1,447 @@
+//! The command line of `simulate` and the run that it describes.
+
+use crate::frame::Frame;
+use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
+use crate::record::{Axes, Stamp, TrajectoryPoint};
+use crate::simulate::{Course, Effect, Effects, Grid, Parameters, Scatter, Seed, Setup, scanner};
+use crate::stream::{Fault, Options, read_all};
+use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
+use anyhow::Context;
+use nalgebra::Vector3;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// The first scan of a run that is told no other time: 2026-01-01 00:00:00 UTC.
+const START_NS: i64 = 1_767_225_600_000_000_000;
+
+const EXAMPLES: &str = "\
+EFFECTS
+  A list, comma-separated, read from left to right; -NAME takes one away:
+    noise bias quantisation footprint mixed echoes remission motion angle-jitter outliers dropouts
+    cables cargo missing-strip clocks imu
+    reference = noise (6.5 mm), bias (+-25 mm common to a scan), quantisation (1 mm), footprint,
+                remission (4 % noise, 150 digits are a reflector met squarely at 3 m)
+    all       = every one of them, with the data sheet's noise; none = exact ranges of pencil beams
+
+EXAMPLES
+  Exact scans of a 0.2 m grid, and where the platform truly was:
+    simulate -f frame.toml --effects none --trajectory grid --truth truth.csv > scans.csv
+  The set-up in which the estimators' figures are stated, with mixed pixels, 200 poses:
+    simulate -f frame.toml --effects reference,mixed --trajectory random --n-scans 200 > scans.csv
+  Three loops at 3 m/s with a roll of 1 deg at 2 Hz, everything in one MCAP file:
+    simulate -f frame.toml --trajectory loop --speed-m-s 3 --loops 3 --wobble-deg 1,0,0 \\
+      --wobble-hz 2 --imu-rate-hz 100 --format mcap -o loops.mcap
+  Into the chain, with the IMU as a side stream:
+    mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
+      | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  As a live source, one second of it:
+    simulate -f frame.toml --n-scans 35 --real-time | extract-lines -f frame.toml | tail -n 1
+";
+
+/// A virtual frame, scanner, IMU and trajectory
+#[derive(Debug, clap::Parser)]
+#[command(
+    name = "simulate",
+    version,
+    about = "A virtual frame, scanner, IMU and trajectory",
+    long_about = "Makes the scans that a 2D laser scanner on the platform would see, the IMU samples \
+                  and the truth. Scans go to stdout; with --format mcap truth, desired trajectory and \
+                  IMU samples are in the same stream. The same arguments give the same bytes.",
+    after_long_help = EXAMPLES
+)]
+pub struct Args {
+    #[command(flatten)]
+    pub(super) frame: FrameArg,
+    /// What is simulated: none, all, reference, or a list (see EFFECTS)
+    #[arg(
+        long,
+        value_name = "LIST",
+        default_value = "reference,motion",
+        allow_hyphen_values = true
+    )]
+    effects: Effects,
+    /// TOML file with the effects' sizes, one table an effect
+    #[arg(long, value_name = "FILE")]
+    effects_file: Option<PathBuf>,
+    #[command(flatten)]
+    sizes: SizeArgs,
+    #[command(flatten)]
+    course: CourseArgs,
+    /// Scanner model, in place of the frame file's
+    #[arg(long, value_name = "NAME")]
+    model: Option<String>,
+    /// Scan frequency [default: the model's first mode]
+    #[arg(long, value_name = "HZ")]
+    frequency_hz: Option<f64>,
+    /// Angle from beam to beam [default: the first the frequency goes with]
+    #[arg(long, value_name = "DEG")]
+    resolution_deg: Option<f64>,
+    /// Number of scans [default: as many as fit into the trajectory; 1000 random poses]
+    #[arg(long, value_name = "N")]
+    n_scans: Option<u64>,
+    /// Stamp of the first scan [default: 2026-01-01 UTC, or now with --real-time]
+    #[arg(long, value_name = "NS", allow_hyphen_values = true)]
+    start_ns: Option<i64>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(super) seed: u64,
+    /// Write the true trajectory at the scans' reference instants (CSV, or MCAP by .mcap)
+    #[arg(long, value_name = "FILE")]
+    pub(super) truth: Option<PathBuf>,
+    /// Write the desired trajectory at the same instants
+    #[arg(long, value_name = "FILE")]
+    pub(super) desired: Option<PathBuf>,
+    /// Write the IMU samples
+    #[arg(long, value_name = "FILE")]
+    pub(super) imu: Option<PathBuf>,
+    /// IMU samples a second [default: one at each scan's reference instant]
+    #[arg(long, value_name = "HZ")]
+    imu_rate_hz: Option<f64>,
+    /// Axes of the IMU samples: platform, or ned as the device sends them
+    #[arg(long, value_name = "AXES", default_value = "platform", value_parser = parse_axes)]
+    imu_axes: Axes,
+    /// Give out each scan when it would be complete
+    #[arg(long)]
+    pub(super) real_time: bool,
+    #[command(flatten)]
+    pub(super) common: CommonArgs,
+}
+
+/// The most wanted of the effects' sizes.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Sizes of effects (all of them: --effects-file)")]
+struct SizeArgs {
+    /// noise: standard deviation of a range
+    #[arg(long, value_name = "MM")]
+    sigma_mm: Option<f64>,
+    /// bias: largest error common to a scan
+    #[arg(long, value_name = "MM")]
+    bias_mm: Option<f64>,
+    /// footprint: share of the spot that must be on a reflector
+    #[arg(long, value_name = "SHARE")]
+    hit_threshold: Option<f64>,
+    /// remission: relative noise
+    #[arg(long, value_name = "SHARE")]
+    remission_noise: Option<f64>,
+    /// outliers: share of the beams
+    #[arg(long, value_name = "SHARE")]
+    outlier_share: Option<f64>,
+    /// dropouts: share of the beams
+    #[arg(long, value_name = "SHARE")]
+    dropout_share: Option<f64>,
+}
+
+/// Where the platform goes.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Trajectory")]
+struct CourseArgs {
+    /// grid, random (at rest); line, loop (moving); or a trajectory file (CSV or MCAP)
+    #[arg(long, value_name = "WHICH", default_value = "line")]
+    trajectory: String,
+    /// grid, random: y from and to
+    #[arg(long, value_name = "M,M", default_value = "-4,4", value_parser = parse_span, allow_hyphen_values = true)]
+    y_range: [f64; 2],
+    /// grid, random: z from and to
+    #[arg(long, value_name = "M,M", default_value = "0.5,3.5", value_parser = parse_span, allow_hyphen_values = true)]
+    z_range: [f64; 2],
+    /// random: x from and to
+    #[arg(long, value_name = "M,M", default_value = "-0.05,0.05", value_parser = parse_span, allow_hyphen_values = true)]
+    x_range: [f64; 2],
+    /// random: largest roll, pitch and yaw, to both sides
+    #[arg(long, value_name = "DEG", default_value_t = 1.0)]
+    tilt_deg: f64,
+    /// grid: from pose to pose
+    #[arg(long, value_name = "M", default_value_t = 0.2)]
+    step_m: f64,
+    /// grid: x, roll, pitch and yaw of all poses (m and deg)
+    #[arg(long, value_name = "M,DEG,DEG,DEG", default_value = "0,0,0,0", value_parser = parse_numbers::<4>, allow_hyphen_values = true)]
+    grid_pose: [f64; 4],
+    /// grid, random: scans in each pose
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    scans_per_pose: u64,
+    /// line, loop: x, y, z at the start (m), optionally roll, pitch, yaw (deg)
+    #[arg(long, value_name = "POSE", default_value = "0,-4,0.465", value_parser = parse_pose, allow_hyphen_values = true)]
+    from_pose: Pose,
+    /// line, loop: the other end
+    #[arg(long, value_name = "POSE", default_value = "0,4,3.5", value_parser = parse_pose, allow_hyphen_values = true)]
+    to_pose: Pose,
+    /// line: the speed; loop: the highest
+    #[arg(long, value_name = "M/S", default_value_t = 1.0)]
+    speed_m_s: f64,
+    /// loop: highest acceleration
+    #[arg(long, value_name = "M/S2", default_value_t = 5.0)]
+    acceleration_m_s2: f64,
+    /// loop: highest jerk of the s-curve
+    #[arg(long, value_name = "M/S3", default_value_t = 50.0)]
+    jerk_m_s3: f64,
+    /// loop: s-curve or quintic
+    #[arg(long, value_name = "WHICH", default_value = "s-curve", value_parser = ["s-curve", "quintic"])]
+    profile: String,
+    /// loop: how often there and back
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    loops: u32,
+    /// loop: rest at each end
+    #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = parse_duration)]
+    dwell: Duration,
+    /// moving: amplitudes of a roll, pitch and yaw that are not desired
+    #[arg(long, value_name = "DEG,DEG,DEG", value_parser = parse_numbers::<3>, allow_hyphen_values = true)]
+    wobble_deg: Option<[f64; 3]>,
+    /// moving: their frequency
+    #[arg(long, value_name = "HZ", default_value_t = 2.0)]
+    wobble_hz: f64,
+    /// moving: the truth follows the desired trajectory this much later
+    #[arg(long, value_name = "TIME", default_value = "0ms", value_parser = parse_duration)]
+    lag: Duration,
+}
+
+/// What the arguments describe.
+pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Result<Setup> {
+    let usage = |error: scanner::ModeError| Fault::Usage(error.to_string());
+    let model = scanner::model(&frame, args.model.as_deref()).map_err(usage)?;
+    let mode = scanner::mode(model, args.frequency_hz, args.resolution_deg).map_err(usage)?;
+    if args.imu_rate_hz.is_some_and(|hz| hz.is_nan() || hz <= 0.0) {
+        return Err(Fault::Usage("--imu-rate-hz must be above 0".into()).into());
+    }
+    let now_ns = || {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        since.map_or(START_NS, |since| since.as_nanos() as i64)
+    };
+    let start_ns = match args.start_ns {
+        Some(start_ns) => start_ns,
+        None if args.real_time => now_ns(),
+        None => START_NS,
+    };
+    Ok(Setup {
+        course: course(&args.course, args.n_scans, Seed(args.seed), options)?,
+        frame,
+        model,
+        mode,
+        effects: args.effects,
+        parameters: parameters(args)?,
+        seed: Seed(args.seed),
+        start: Stamp::from_ns(start_ns),
+        scans: args.n_scans,
+        imu_rate_hz: args.imu_rate_hz,
+        imu_axes: args.imu_axes,
+    })
+}
+
+fn parameters(args: &Args) -> anyhow::Result<Parameters> {
+    let mut parameters = match &args.effects_file {
+        None => Parameters::default(),
+        Some(path) => {
+            let text = std::fs::read_to_string(path)
+                .map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
+            toml::from_str(&text)
+                .map_err(|error| Fault::Configuration(format!("{}: {error}", path.display())))?
+        }
+    };
+    let p = &mut parameters;
+    let sizes = &args.sizes;
+    p.noise.sigma_mm = sizes.sigma_mm.or(p.noise.sigma_mm);
+    let given = [
+        (sizes.sigma_mm, None, Effect::Noise),
+        (sizes.bias_mm, Some(&mut p.bias.common_mm), Effect::Bias),
+        (
+            sizes.hit_threshold,
+            Some(&mut p.footprint.hit_threshold),
+            Effect::Footprint,
+        ),
+        (
+            sizes.remission_noise,
+            Some(&mut p.remission.noise),
+            Effect::Remission,
+        ),
+        (
+            sizes.outlier_share,
+            Some(&mut p.outliers.share),
+            Effect::Outliers,
+        ),
+        (
+            sizes.dropout_share,
+            Some(&mut p.dropouts.share),
+            Effect::Dropouts,
+        ),
+    ];
+    for (value, place, effect) in given {
+        let Some(value) = value else { continue };
+        if !args.effects.has(effect) {
+            let message = format!(
+                "a size of {0} is given, but --effects has no {0}",
+                effect.name()
+            );
+            return Err(Fault::Usage(message).into());
+        }
+        if let Some(place) = place {
+            *place = value;
+        }
+    }
+    parameters
+        .check()
+        .map_err(|error| Fault::Configuration(error.to_string()))?;
+    Ok(parameters)
+}
+
+fn course(
+    args: &CourseArgs,
+    n_scans: Option<u64>,
+    seed: Seed,
+    options: &Options,
+) -> anyhow::Result<Course> {
+    let positive = [
+        args.step_m,
+        args.speed_m_s,
+        args.acceleration_m_s2,
+        args.jerk_m_s3,
+    ];
+    if positive.iter().any(|v| v.is_nan() || *v <= 0.0) || args.scans_per_pose == 0 {
+        let message = "step, speed, acceleration, jerk and scans per pose must be above 0";
+        return Err(Fault::Usage(message.into()).into());
+    }
+    let stations = |poses| Course::Stations {
+        poses,
+        scans_each: args.scans_per_pose,
+    };
+    match args.trajectory.as_str() {
+        "grid" => {
+            let [x_m, roll, pitch, yaw] = args.grid_pose;
+            let grid = Grid {
+                pose: pose([x_m, 0.0, 0.0], [roll, pitch, yaw]),
+                y_m: args.y_range,
+                z_m: args.z_range,
+                step_m: args.step_m,
+            };
+            Ok(stations(grid.poses()))
+        }
+        "random" => {
+            let tilt_rad = args.tilt_deg.to_radians();
+            let scatter = Scatter {
+                position_m: [args.x_range, args.y_range, args.z_range],
+                rotation_rad: [[-tilt_rad, tilt_rad]; 3],
+            };
+            let scans = n_scans.unwrap_or(1000 * args.scans_per_pose);
+            Ok(stations(
+                scatter.poses(seed, scans.div_ceil(args.scans_per_pose)),
+            ))
+        }
+        "line" => Ok(moving(
+            args,
+            Straight {
+                from: args.from_pose,
+                to: args.to_pose,
+                speed_m_s: args.speed_m_s,
+            },
+        )),
+        "loop" => Ok(shuttle(args)),
+        path => {
+            let role_options = Options {
+                window: Default::default(),
+                ..options.clone()
+            };
+            let points: Vec<TrajectoryPoint> = read_all(Some(Path::new(path)), &role_options)
+                .context(
+                    "--trajectory is neither grid, random, line, loop nor a file that can be read",
+                )?;
+            let sampled = Sampled::new(&points)
+                .map_err(|error| Fault::BadData(format!("{path}: {error}")))?;
+            Ok(moving(args, sampled))
+        }
+    }
+}
+
+fn shuttle(args: &CourseArgs) -> Course {
+    let limits = Limits {
+        speed_m_s: args.speed_m_s,
+        acceleration_m_s2: args.acceleration_m_s2,
+        jerk_m_s3: args.jerk_m_s3,
+    };
+    let (from, to) = (args.from_pose, args.to_pose);
+    let distance_m = from.distance_m(&to);
+    let (dwell_s, loops) = (args.dwell.as_secs_f64(), args.loops);
+    if args.profile == "quintic" {
+        let profile = Quintic::new(distance_m, limits);
+        moving(
+            args,
+            Shuttle {
+                from,
+                to,
+                profile,
+                dwell_s,
+                loops,
+            },
+        )
+    } else {
+        let profile = SCurve::new(distance_m, limits);
+        moving(
+            args,
+            Shuttle {
+                from,
+                to,
+                profile,
+                dwell_s,
+                loops,
+            },
+        )
+    }
+}
+
+fn moving(args: &CourseArgs, desired: impl Motion + Clone + 'static) -> Course {
+    let truth: Box<dyn Motion> = match args.wobble_deg {
+        Some(amplitude_deg) => Box::new(Wobble {
+            motion: desired.clone(),
+            amplitude_rad: amplitude_deg.map(f64::to_radians).into(),
+            frequency_hz: args.wobble_hz,
+        }),
+        None => Box::new(desired.clone()),
+    };
+    Course::Moving {
+        truth,
+        desired: Box::new(desired),
+        lag_s: args.lag.as_secs_f64(),
+    }
+}
+
+fn pose(position_m: [f64; 3], rotation_deg: [f64; 3]) -> Pose {
+    Pose {
+        position_m: Vector3::from(position_m),
+        rotation_rad: Vector3::from(rotation_deg.map(f64::to_radians)),
+    }
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    text.split(',')
+        .map(|item| match item.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(format!("\"{item}\" is not a number")),
+        })
+        .collect()
+}
+
+fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let count = |values: Vec<f64>| format!("{N} numbers are wanted, not {}", values.len());
+    <[f64; N]>::try_from(numbers(text)?).map_err(count)
+}
+
+fn parse_span(text: &str) -> Result<[f64; 2], String> {
+    let [from, to] = parse_numbers::<2>(text)?;
+    if from > to {
+        return Err(format!("{from} lies above {to}"));
+    }
+    Ok([from, to])
+}
+
+fn parse_pose(text: &str) -> Result<Pose, String> {
+    match numbers(text)?.as_slice() {
+        [x, y, z] => Ok(pose([*x, *y, *z], [0.0; 3])),
+        [x, y, z, roll, pitch, yaw] => Ok(pose([*x, *y, *z], [*roll, *pitch, *yaw])),
+        other => Err(format!("3 or 6 numbers are wanted, not {}", other.len())),
+    }
+}
+
+fn parse_axes(text: &str) -> Result<Axes, String> {
+    match text {
+        "platform" => Ok(Axes::Platform),
+        "ned" => Ok(Axes::Ned),
+        _ => Err("platform or ned is wanted".to_owned()),
+    }
+}

@@ -1,0 +1,331 @@
+//! report: its table, JSON and page, what it says of odd input, and how it ends.
+
+mod shell;
+
+use shell::{Ended, scratch, sh};
+use snapbox::{assert_data_eq, file};
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const NAMES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+/// Columns of the covariance's upper triangle.
+fn covariance_columns() -> String {
+    let mut columns = String::new();
+    for (i, a) in NAMES.iter().enumerate() {
+        for b in &NAMES[i..] {
+            let _ = write!(columns, ",cov_{a}_{b}");
+        }
+    }
+    columns
+}
+
+/// Triangle wave of period `period` between -1 and 1: exact on every machine, as a sine is not.
+fn triangle(i: usize, period: usize) -> f64 {
+    let phase = (i % period) as f64 / period as f64;
+    1.0 - 4.0 * (phase - 0.5).abs()
+}
+
+/// Writes truth.csv and, for each (name, scale), a run with errors of known size: a bias of a
+/// quarter of sigma and a spread that alternates in sign.
+fn write_runs(dir: &Path, rows: usize, runs: &[(&str, f64)]) {
+    let sigma = [0.004, 0.0003, 0.0005, 1e-4, 2e-4, 1e-3];
+    let mut truth = "stamp_ns,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n".to_owned();
+    let header = "stamp_ns,scan_stamp_ns,seq,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad";
+    let header = format!(
+        "{header}{},edges,votes,range_bias_m,status\n",
+        covariance_columns()
+    );
+    let mut poses = vec![header; runs.len()];
+    for i in 0..rows {
+        let stamp = 1_700_000_000_000_000_000 + i as i64 * 20_000_000;
+        let place = [
+            0.0,
+            4.0 * triangle(i, 1900),
+            2.2 + 1.7 * triangle(i, 700),
+            0.0,
+            0.0,
+            0.02,
+        ];
+        let text = |values: [f64; 6]| values.map(|v| v.to_string()).join(",");
+        let _ = writeln!(truth, "{stamp},{}", text(place));
+        for ((_, scale), out) in runs.iter().zip(&mut poses) {
+            let _ = write!(out, "{stamp},{stamp},{i}");
+            if i % 100 == 99 {
+                let _ = writeln!(out, "{}0,,,no-pose no-edges", ",".repeat(28));
+                continue;
+            }
+            let error = if i % 2 == 0 { 1.25 } else { -0.75 } * triangle(i, 37).abs() * scale;
+            let mut pose = place;
+            for k in 0..6 {
+                pose[k] += error * sigma[k];
+            }
+            let _ = write!(out, ",{}", text(pose));
+            for a in 0..6 {
+                for b in a..6 {
+                    let value = if a == b { sigma[a] * sigma[a] } else { 0.0 };
+                    let _ = write!(out, ",{value}");
+                }
+            }
+            let status = if i % 10 == 3 { "few-edges" } else { "ok" };
+            let _ = writeln!(out, ",8,{},0.02,{status}", 20 + i % 7);
+        }
+    }
+    fs::write(dir.join("truth.csv"), truth).unwrap();
+    for ((name, _), text) in runs.iter().zip(poses) {
+        fs::write(dir.join(format!("{name}.csv")), text).unwrap();
+    }
+}
+
+fn two_runs(name: &str) -> PathBuf {
+    let dir = scratch(name);
+    write_runs(&dir, 2000, &[("vote", 4.0), ("joint", 1.0)]);
+    dir
+}
+
+/// Keeps the first `rows` lines of truth.csv as NAME, changed by `edit`.
+fn edited(dir: &Path, from: &str, to: &str, edit: impl Fn(usize, &str) -> String) {
+    let text = fs::read_to_string(dir.join(from)).unwrap();
+    let lines = text.lines().enumerate().map(|(i, line)| edit(i, line));
+    fs::write(dir.join(to), lines.collect::<String>()).unwrap();
+}
+
+fn says(ended: &Ended, words: &str) {
+    assert!(ended.stderr.contains(words), "{words}: {}", ended.stderr);
+}
+
+#[test]
+fn the_table() {
+    let dir = two_runs("report-table");
+    let line = "LC_ALL=C.UTF-8 report --truth truth.csv --cells vote=vote.csv joint=- < joint.csv \
+                --fail-if 'vote:x.rms_mm>4.1' --fail-if 'joint:x.rms_mm>4.1'";
+    let ended = sh(&dir, line).expect(4);
+    assert_data_eq!(ended.text(), file!["../testdata/golden/report.txt"]);
+    says(&ended, "report: vote: x.rms_mm is ");
+    assert_eq!(ended.stderr.lines().count(), 1, "{}", ended.stderr);
+    let ended = sh(&dir, "report --truth truth.csv joint.csv").expect(0);
+    assert!(ended.text().is_ascii(), "the C locale has only ASCII");
+}
+
+#[test]
+fn json_alone_is_on_stdout() {
+    let dir = two_runs("report-json");
+    let zones = "--zone 'low=z<=2.2' --zone 'z>2.2'";
+    let ended = sh(
+        &dir,
+        &format!("report --truth truth.csv --json {zones} joint.csv"),
+    )
+    .expect(0);
+    assert_data_eq!(ended.text(), file!["../testdata/golden/report.json"]);
+    assert!(ended.stderr.is_empty(), "{}", ended.stderr);
+    let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    let solved = |run: usize| json["runs"][run]["scans"]["rows"].as_u64().unwrap();
+    assert_eq!(solved(0) + solved(1), 2000);
+    assert_eq!(json["runs"][0]["zone"], "low");
+}
+
+#[test]
+fn the_page_is_whole_small_and_quiet() {
+    let dir = scratch("report-page");
+    write_runs(&dir, 20_000, &[("vote", 4.0), ("joint", 1.0)]);
+    fs::create_dir_all(dir.join("out")).unwrap();
+    let here = dir.display();
+    let make = |name: &str, runs: &str| {
+        let line =
+            format!("report -q --truth {here}/truth.csv --html out/{name} {runs} > {name}.txt");
+        sh(&dir, &line).expect(0);
+        fs::read_to_string(dir.join("out").join(name)).unwrap()
+    };
+    let one = make("page.html", &format!("{here}/joint.csv"));
+    fs::rename(dir.join("out/page.html"), dir.join("first.html")).unwrap();
+    assert_eq!(
+        one,
+        make("page.html", &format!("{here}/joint.csv")),
+        "twice the same bytes"
+    );
+    let two = make("two.html", "vote.csv joint.csv");
+    for page in [&one, &two] {
+        assert!(page.len() <= 250_000, "{} bytes", page.len());
+        for absent in [
+            "http",
+            "<script",
+            "src=",
+            "@import",
+            "url(",
+            &here.to_string(),
+            "NaN",
+        ] {
+            assert!(!page.contains(absent), "{absent}");
+        }
+        assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
+        assert!(page.contains("prefers-color-scheme:dark") && page.contains("@media print"));
+        for section in [
+            "Errors",
+            "Over the workspace",
+            "Over time",
+            "Distribution",
+            "Covariances",
+            "Scans",
+        ] {
+            assert!(page.contains(&format!("<h2>{section}</h2>")), "{section}");
+        }
+        assert!(page.contains("no-pose no-edges"));
+    }
+    for title in [
+        "x error, rms",
+        "Bias in x",
+        "y error, rms",
+        "z error, rms",
+        "Yaw error, rms",
+        "Poses",
+    ] {
+        assert!(
+            one.contains(&format!("aria-label=\"{title} over the workspace, joint\"")),
+            "{title}"
+        );
+    }
+    for name in NAMES {
+        let over_time = format!("aria-label=\"Error in {name}, with the solver’s ±3σ\"");
+        assert_eq!(one.matches(&over_time).count(), 1, "{name}");
+        assert!(one.contains(&format!(
+            "aria-label=\"Distribution of the error in {name}\""
+        )));
+    }
+    assert!(one.contains("report -q --truth truth.csv --html page.html joint.csv"));
+    assert!(two.contains("<h2>Side by side</h2>"));
+    let line = "SOURCE_DATE_EPOCH=951782400 report --truth truth.csv --html dated.html joint.csv";
+    sh(&dir, line).expect(0);
+    assert!(
+        fs::read_to_string(dir.join("dated.html"))
+            .unwrap()
+            .contains("2000-02-29")
+    );
+    assert!(!one.contains("2000-02-29"));
+}
+
+#[test]
+fn branches_of_one_pipeline_are_read_together() {
+    let dir = scratch("report-branches");
+    write_runs(&dir, 20_000, &[("joint", 1.0)]);
+    // Read one after the other, the first branch would wait for the second for ever.
+    let line = "mkfifo a.fifo && cat joint.csv | tee a.fifo | \
+                timeout 60 report --truth <(cat truth.csv) --json a=a.fifo b=-";
+    let ended = sh(&dir, line).expect(0);
+    let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    assert_eq!(json["runs"][0]["x"], json["runs"][1]["x"]);
+    assert_eq!(json["runs"][1]["x"]["n"], 19_800);
+}
+
+#[test]
+fn a_file_that_the_pipeline_still_writes_is_waited_for() {
+    let dir = two_runs("report-late");
+    let line = "mv truth.csv late.csv; { cat joint.csv; sleep 0.3; mv late.csv truth.csv; } | \
+                report --truth truth.csv -";
+    let ended = sh(&dir, line).expect(0);
+    assert!(
+        ended.text().contains("1980 poses matched"),
+        "{}",
+        ended.text()
+    );
+}
+
+#[test]
+fn nothing_to_compare_ends_with_status_3() {
+    let dir = two_runs("report-nothing");
+    edited(&dir, "truth.csv", "later.csv", |i, line| match i {
+        0 => format!("{line}\n"),
+        _ => format!("9{line}\n").replacen("91", "2", 1),
+    });
+    let ended = sh(&dir, "report --truth later.csv joint.csv").expect(3);
+    says(&ended, "nothing to compare: the poses (");
+    says(&ended, "do not overlap in time");
+    edited(&dir, "joint.csv", "none.csv", |i, line| {
+        if i == 0 {
+            format!("{line}\n")
+        } else {
+            String::new()
+        }
+    });
+    let ended = sh(&dir, "report --truth truth.csv --json none.csv").expect(3);
+    says(&ended, "there are no poses");
+    assert!(serde_json::from_slice::<serde_json::Value>(&ended.stdout).is_ok());
+    let page = sh(&dir, "report --truth truth.csv --html none.html none.csv").expect(3);
+    says(&page, "there are no poses");
+    assert!(
+        fs::read_to_string(dir.join("none.html"))
+            .unwrap()
+            .contains("there are no poses")
+    );
+    let ended = sh(
+        &dir,
+        "report --truth truth.csv --fail-if 'x.rms_mm>1' none.csv",
+    )
+    .expect(4);
+    says(&ended, "x.rms_mm has no value");
+}
+
+#[test]
+fn disorder_is_counted_and_said() {
+    let dir = two_runs("report-disorder");
+    edited(&dir, "joint.csv", "odd.csv", |i, line| match i {
+        10 => String::new(),
+        20 => format!("{line}\n{line}\n"),
+        _ => format!("{line}\n"),
+    });
+    let ended = sh(
+        &dir,
+        "{ head -1 odd.csv; tail -n +2 odd.csv | tac; } | report --truth truth.csv -",
+    )
+    .expect(3);
+    says(&ended, "rows at the stamp of another: 1 left out");
+    assert!(
+        ended
+            .text()
+            .contains("rows are out of order in time; they were sorted in")
+    );
+    assert!(
+        ended.text().contains("1 scan has no row"),
+        "{}",
+        ended.text()
+    );
+    edited(&dir, "truth.csv", "holes.csv", |i, line| {
+        match (i, line.split_once(',')) {
+            (5, Some((stamp, _))) => format!("{stamp},,,,,,\n"),
+            _ => format!("{line}\n"),
+        }
+    });
+    let ended = sh(&dir, "report --truth holes.csv joint.csv").expect(65);
+    says(&ended, "holes.csv:6: x_m");
+    let ended = sh(&dir, "report --skip-bad --truth holes.csv joint.csv").expect(3);
+    says(&ended, "holes.csv: 1 bad record skipped");
+    assert!(ended.text().contains("1 interpolated"), "{}", ended.text());
+}
+
+#[test]
+fn a_wrong_command_line_says_what_is_right() {
+    let dir = two_runs("report-usage");
+    for (options, words) in [
+        ("--fail-if 'x.rms>4'", "there is no statistic 'x.rms'"),
+        ("--fail-if 'x.rms_mm'", "no < or >"),
+        ("--fail-if 'other:x.rms_mm>4'", "names no run"),
+        ("--zone 'w<3'", "'w' is no component"),
+        ("--max-diff 5", "a time with its unit"),
+        ("--association best", "interpolated or nearest"),
+    ] {
+        let ended = sh(
+            &dir,
+            &format!("report --truth truth.csv {options} joint.csv"),
+        )
+        .expect(2);
+        says(&ended, words);
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_fault() {
+    let dir = two_runs("report-head");
+    let ended = sh(&dir, "report --truth truth.csv --json joint.csv | head -1").expect(0);
+    assert!(ended.stderr.is_empty(), "{}", ended.stderr);
+    assert_eq!(ended.text(), "{\n");
+}

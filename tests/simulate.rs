@@ -1,0 +1,278 @@
+//! `simulate` as a process: the same bytes for the same arguments, its side files, its refusals.
+
+use snapbox::{assert_data_eq, file, str};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn simulate(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_simulate"))
+        .args(["-f", "testdata/cablar.toml"])
+        .args(args)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap()
+}
+
+fn bytes(args: &[&str]) -> Vec<u8> {
+    let output = simulate(args);
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {complaint}");
+    assert!(complaint.is_empty(), "{complaint}");
+    output.stdout
+}
+
+fn refusal(args: &[&str]) -> (i32, String) {
+    let output = simulate(args);
+    let text = String::from_utf8(output.stderr).unwrap();
+    (output.status.code().unwrap(), text)
+}
+
+/// A fresh directory for one test's files.
+fn scratch(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("simulate")
+        .join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn text_of(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// FNV-1a, 64 bit: a digest that needs no crate.
+fn digest(bytes: &[u8]) -> u64 {
+    let mix = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, mix)
+}
+
+const COARSE: [&str; 4] = ["--frequency-hz", "75", "--resolution-deg", "1"];
+
+#[test]
+fn a_small_run_is_golden() {
+    let dir = scratch("golden");
+    let (truth, imu) = (dir.join("truth.csv"), dir.join("imu.csv"));
+    let mut args = vec!["--effects", "reference,mixed,motion", "--n-scans", "3"];
+    args.extend(COARSE);
+    args.extend([
+        "--truth",
+        truth.to_str().unwrap(),
+        "--imu",
+        imu.to_str().unwrap(),
+    ]);
+    let scans = String::from_utf8(bytes(&args)).unwrap();
+    assert_data_eq!(scans, file!["../testdata/golden/simulate/scans.csv"].raw());
+    assert_data_eq!(
+        text_of(&truth),
+        file!["../testdata/golden/simulate/truth.csv"].raw()
+    );
+    assert_data_eq!(
+        text_of(&imu),
+        file!["../testdata/golden/simulate/imu.csv"].raw()
+    );
+}
+
+#[test]
+fn every_effect_and_trajectory_keeps_its_digits() {
+    let mut table = String::new();
+    let effects = [
+        "none",
+        "all",
+        "reference",
+        "noise",
+        "bias",
+        "quantisation",
+        "footprint",
+        "footprint,mixed",
+        "footprint,echoes",
+        "remission",
+        "motion",
+        "angle-jitter",
+        "outliers",
+        "dropouts",
+        "cables",
+        "cargo",
+        "missing-strip",
+        "clocks",
+        "all,-cargo",
+    ];
+    for effects in effects {
+        let mut args = vec!["--effects", effects, "--speed-m-s", "3", "--n-scans", "3"];
+        args.extend(COARSE);
+        writeln!(table, "{:016x} {effects}", digest(&bytes(&args))).unwrap();
+    }
+    for trajectory in ["grid", "random", "line", "loop"] {
+        let mut args = vec!["--trajectory", trajectory, "--n-scans", "3"];
+        args.extend(COARSE);
+        writeln!(table, "{:016x} {trajectory}", digest(&bytes(&args))).unwrap();
+    }
+    assert_data_eq!(
+        table,
+        file!["../testdata/golden/simulate/digests.txt"].raw()
+    );
+}
+
+#[test]
+fn the_same_arguments_give_the_same_bytes() {
+    let args = |seed| vec!["--effects", "all", "--n-scans", "20", "--seed", seed];
+    assert_eq!(bytes(&args("5")), bytes(&args("5")));
+    assert_ne!(bytes(&args("5")), bytes(&args("6")));
+}
+
+#[test]
+fn a_trajectory_file_is_followed() {
+    let dir = scratch("trajectory");
+    let (planned, truth) = (dir.join("planned.csv"), dir.join("truth.csv"));
+    let mut rows = "stamp_ns,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n".to_owned();
+    for k in 0..=20 {
+        let y = -1.0 + 0.1 * f64::from(k);
+        writeln!(rows, "{},0,{y},2,0,0,0.01", 1_000_000_000 + k * 50_000_000).unwrap();
+    }
+    std::fs::write(&planned, rows).unwrap();
+    bytes(&[
+        "--trajectory",
+        planned.to_str().unwrap(),
+        "--truth",
+        truth.to_str().unwrap(),
+    ]);
+    let text = text_of(&truth);
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let mut rows = 0;
+    for record in reader.records() {
+        let record = record.unwrap();
+        let value = |k: usize| record[k].parse::<f64>().unwrap();
+        let seconds = (value(0) - 1_767_225_600e9) * 1e-9;
+        assert!((value(2) - (2.0 * seconds - 1.0)).abs() < 1e-6);
+        assert!((value(6) - 0.01).abs() < 1e-12 && (value(8) - 2.0).abs() < 1e-9);
+        rows += 1;
+    }
+    assert_eq!(rows, 35);
+}
+
+#[test]
+fn desired_is_without_wobble_and_lag() {
+    let dir = scratch("desired");
+    let (truth, desired) = (dir.join("truth.csv"), dir.join("desired.csv"));
+    bytes(&[
+        "--trajectory",
+        "line",
+        "--speed-m-s",
+        "2",
+        "--wobble-deg",
+        "1,0,0",
+        "--lag",
+        "100ms",
+        "--n-scans",
+        "40",
+        "--truth",
+        truth.to_str().unwrap(),
+        "--desired",
+        desired.to_str().unwrap(),
+    ]);
+    let column = |path: &Path, name: &str| -> Vec<f64> {
+        let text = text_of(path);
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let k = reader
+            .headers()
+            .unwrap()
+            .iter()
+            .position(|h| h == name)
+            .unwrap();
+        reader
+            .records()
+            .map(|r| r.unwrap()[k].parse().unwrap())
+            .collect()
+    };
+    assert!(column(&desired, "roll_rad").iter().all(|roll| *roll == 0.0));
+    let most = column(&truth, "roll_rad").into_iter().fold(0.0, f64::max);
+    assert!((most.to_degrees() - 1.0).abs() < 0.02, "{most}");
+    let behind = column(&desired, "y_m")[30] - column(&truth, "y_m")[30];
+    let along_y = 8.0 / (64.0f64 + 3.035 * 3.035).sqrt();
+    assert!((behind - 0.2 * along_y).abs() < 1e-9, "{behind}");
+}
+
+#[test]
+fn an_effects_file_sets_sizes() {
+    let dir = scratch("effects");
+    let path = dir.join("effects.toml");
+    std::fs::write(&path, "[outliers]\nshare = 0.5\n").unwrap();
+    let path = path.to_str().unwrap();
+    let common = ["--effects", "outliers", "--n-scans", "2"];
+    let by_file = bytes(&[&common[..], &["--effects-file", path]].concat());
+    let by_option = bytes(&[&common[..], &["--outlier-share", "0.5"]].concat());
+    assert_eq!(by_file, by_option);
+    std::fs::write(path, "[outliers]\nshare = 1.5\n").unwrap();
+    let (status, text) = refusal(&["--effects-file", path]);
+    assert_eq!(status, 78);
+    assert!(text.contains("outliers.share: 1.5"), "{text}");
+    std::fs::write(path, "[outlier]\nshare = 0.5\n").unwrap();
+    assert_eq!(refusal(&["--effects-file", path]).0, 78);
+    assert_eq!(refusal(&["--effects-file", "no-such-file.toml"]).0, 66);
+}
+
+#[test]
+fn an_invalid_mode_is_refused_with_its_neighbours() {
+    let (status, text) = refusal(&["--frequency-hz", "35", "--resolution-deg", "0.1667"]);
+    assert_eq!(status, 2);
+    assert_data_eq!(
+        text,
+        str![[r#"
+simulate: lms511-hr has no mode 35 Hz/0.1667 deg; valid neighbours: 35 Hz/0.2500 deg, 25 Hz/0.1667 deg, 35 Hz/0.5000 deg
+
+"#]]
+    );
+    let (status, text) = refusal(&["--model", "lms9"]);
+    assert_eq!(status, 2);
+    assert!(text.contains("utm-30lx"), "{text}");
+}
+
+#[test]
+fn impossible_command_lines_are_refused() {
+    for args in [
+        &["--effects", "fog"][..],
+        &["--effects", "none", "--sigma-mm", "3"],
+        &["--trajectory", "grid", "--step-m", "0"],
+        &["--trajectory", "line", "--speed-m-s", "-1"],
+        &["--trajectory", "line", "--from-pose", "1,2"],
+        &["--y-range", "4,-4"],
+        &["--imu-rate-hz", "0"],
+        &["--speed-m-s", "2000"],
+    ] {
+        let (status, text) = refusal(args);
+        assert_eq!(status, 2, "{args:?}: {text}");
+        assert!(!text.is_empty());
+    }
+    assert_eq!(refusal(&["--trajectory", "no-such-file.csv"]).0, 66);
+}
+
+#[test]
+fn an_mcap_stream_holds_everything() {
+    let dir = scratch("mcap");
+    let path = dir.join("run.mcap");
+    let mut args = vec!["--effects", "reference,motion,clocks", "--n-scans", "4"];
+    args.extend(COARSE);
+    args.extend([
+        "--imu-rate-hz",
+        "100",
+        "--format",
+        "mcap",
+        "-o",
+        path.to_str().unwrap(),
+    ]);
+    assert!(bytes(&args).is_empty());
+    let file = std::fs::read(&path).unwrap();
+    let mut counts = std::collections::BTreeMap::new();
+    for message in mcap::MessageStream::new(&file).unwrap() {
+        *counts
+            .entry(message.unwrap().channel.topic.clone())
+            .or_insert(0) += 1;
+    }
+    let count = |topic: &str| counts.get(topic).copied().unwrap_or(0);
+    for topic in ["/scan", "/scan_info", "/truth", "/desired"] {
+        assert_eq!(count(topic), 4, "{topic} of {counts:?}");
+    }
+    // Four scans at 75 Hz end 0.047 s after the start: samples at 0, 10, .. 50 ms.
+    assert_eq!(count("/imu"), 6, "{counts:?}");
+}
