@@ -54,8 +54,8 @@ EXAMPLES
     scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
   As MCAP, with the frame file's scanner constants:
     scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  With the time of the first scan, without the first 100 ms:
-    scan-capture --replay run.cola --epoch 1614680100.5 --from +100ms > late.csv
+  With the time of the first scan, without the first 200 ms:
+    scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
   From a pipe:
     cat run.cola | scan-capture --replay - | head -n 2";
 
