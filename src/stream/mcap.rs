@@ -57,6 +57,8 @@ pub(super) struct McapWriter<W: Write> {
     scratch: Vec<u8>,
     sequence: u32,
     last: MessageHeader,
+    /// When the last message of the input was received.
+    last_passed: Option<u64>,
     /// What is still to be written before the first message.
     provenance: Option<Provenance>,
     stages: usize,
@@ -93,6 +95,7 @@ impl<W: Write> McapWriter<W> {
                 log_time: 0,
                 publish_time: 0,
             },
+            last_passed: None,
             provenance: Some(Provenance::of_this(options)),
             stages: 0,
             statics: statics(options),
@@ -118,12 +121,12 @@ impl<W: Write> McapWriter<W> {
         record
             .encode(role, &mut bodies)
             .map_err(|bad| Fault::BadData(format!("{} cannot be written: {bad}", R::KIND)))?;
-        let publish_time = log_time(record.stamp());
+        let publish_time = nanoseconds(record.stamp());
         self.sequence = self.sequence.wrapping_add(1);
         self.last = MessageHeader {
             channel_id: 0,
             sequence: bodies.sequence.unwrap_or(self.sequence),
-            log_time: bodies.received.map_or(publish_time, log_time),
+            log_time: self.log_time(bodies.received, publish_time),
             publish_time,
         };
         if !self.statics.is_empty() && R::written_to(role).iter().any(|t| t.name == TF_STATIC.name)
@@ -141,6 +144,17 @@ impl<W: Write> McapWriter<W> {
         }
         self.bodies = bodies;
         self.close_old_chunk()
+    }
+
+    /// When a record was received. One that was made here from others was there when the last of
+    /// those had come, one that was made from nothing at its stamp: so the times of an unindexed
+    /// stream do not go back, which some readers insist on.
+    fn log_time(&self, received: Option<Stamp>, publish_time: u64) -> u64 {
+        match (received, self.last_passed) {
+            (Some(received), _) => nanoseconds(received),
+            (None, Some(log_time)) => log_time,
+            (None, None) => publish_time.max(self.last.log_time),
+        }
     }
 
     /// Writes messages for a viewer at the time of the last record.
@@ -179,6 +193,7 @@ impl<W: Write> McapWriter<W> {
                 channel_id
             }
         };
+        self.last_passed = Some(header.log_time);
         if let Some(channel_id) = channel_id {
             let header = MessageHeader {
                 channel_id,
@@ -312,7 +327,7 @@ fn statics(options: &Options) -> Vec<Note> {
     }
 }
 
-fn log_time(stamp: Stamp) -> u64 {
+fn nanoseconds(stamp: Stamp) -> u64 {
     u64::try_from(stamp.ns()).unwrap_or(0)
 }
 

@@ -26,6 +26,8 @@ pub struct Output {
 struct Core {
     encoder: Encoder,
     rename: Option<Rename>,
+    /// Whether every record goes out at once.
+    prompt: bool,
     records: u64,
 }
 
@@ -67,7 +69,9 @@ impl Output {
     /// Opens the main output in an encoding.
     pub(super) fn open_as(options: &Options, encoding: Encoding) -> anyhow::Result<Output> {
         match &options.output {
-            Some(path) if path != Path::new("-") => Output::create(path, encoding, options),
+            Some(path) if path != Path::new("-") => {
+                Output::create_file(path, encoding, options, false)
+            }
             _ => {
                 if encoding == Encoding::Mcap && io::stdout().is_terminal() {
                     return Err(Fault::Usage(
@@ -80,13 +84,23 @@ impl Output {
                     inner: Box::new(stdout_unbuffered()),
                     name: "stdout".to_owned(),
                 };
-                Output::new(target, encoding, options, None)
+                Output::new(target, encoding, options, None, false)
             }
         }
     }
 
-    /// Creates a further output file (`--truth FILE`).
+    /// Creates a further output file (`--truth FILE`). Into a FIFO every record goes out at once:
+    /// it is another program's side input, which must not lag behind its main one.
     pub fn create(path: &Path, encoding: Encoding, options: &Options) -> anyhow::Result<Output> {
+        Output::create_file(path, encoding, options, true)
+    }
+
+    fn create_file(
+        path: &Path,
+        encoding: Encoding,
+        options: &Options,
+        further: bool,
+    ) -> anyhow::Result<Output> {
         let in_place = fs::metadata(path).is_ok_and(|found| !found.is_file());
         let (create, rename) = if in_place {
             (path.to_owned(), None)
@@ -106,7 +120,7 @@ impl Output {
             inner: Box::new(file),
             name: path.display().to_string(),
         };
-        Output::new(target, encoding, options, rename)
+        Output::new(target, encoding, options, rename, in_place && further)
     }
 
     fn new(
@@ -114,6 +128,7 @@ impl Output {
         encoding: Encoding,
         options: &Options,
         rename: Option<Rename>,
+        prompt: bool,
     ) -> anyhow::Result<Output> {
         let encoder = match encoding {
             Encoding::Csv => Encoder::Csv(CsvWriter::new(target)),
@@ -126,6 +141,7 @@ impl Output {
         let core = Rc::new(RefCell::new(Core {
             encoder,
             rename,
+            prompt,
             records: 0,
         }));
         flow::register(&core);
@@ -167,7 +183,11 @@ impl Output {
             Encoder::Csv(csv) => csv.write(record),
             Encoder::Mcap(mcap) => mcap.write(record, role),
         }
-        .map_err(unhide)
+        .map_err(unhide)?;
+        if core.prompt {
+            core.flush().map_err(unhide)?;
+        }
+        Ok(())
     }
 
     /// Calls `use_mcap` with the MCAP writer, if this is one.
