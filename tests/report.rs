@@ -218,6 +218,19 @@ fn branches_of_one_pipeline_are_read_together() {
 }
 
 #[test]
+fn a_file_that_the_pipeline_still_writes_is_waited_for() {
+    let dir = two_runs("report-late");
+    let line = "mv truth.csv late.csv; { cat joint.csv; sleep 0.3; mv late.csv truth.csv; } | \
+                report --truth truth.csv -";
+    let ended = sh(&dir, line).expect(0);
+    assert!(
+        ended.text().contains("1980 poses matched"),
+        "{}",
+        ended.text()
+    );
+}
+
+#[test]
 fn nothing_to_compare_ends_with_status_3() {
     let dir = two_runs("report-nothing");
     edited(&dir, "truth.csv", "later.csv", |i, line| match i {

@@ -42,15 +42,15 @@ impl Default for Options {
         Options {
             x_sigma_m: 0.5,
             yaw_sigma_rad: 8f64.to_radians(),
-            threshold_sigma: 0.1,
+            threshold_sigma: 0.06,
             yaw_limit_rad: 2f64.to_radians(),
         }
     }
 }
 
 /// Blur of an interval's bounds: this much, m, and this share of the spot's radius.
-const SOFT_M: f64 = 0.0003;
-const SOFT_SPOT: f64 = 0.03;
+const SOFT_M: f64 = 0.0002;
+const SOFT_SPOT: f64 = 0.02;
 /// An edge that misses its interval by more than this, m, and two standard deviations of the
 /// estimate, contradicts the others.
 const VIOLATION_M: f64 = 0.0015;

@@ -1,31 +1,26 @@
 //! report: error statistics of poses against a true or desired trajectory.
 
+mod inputs;
+
 use super::common::{CommonArgs, parse_duration};
-use crate::record::{Pose, TrajectoryPoint};
 use crate::report::{
-    Association, Case, Gate, Limits, Reference, Report, Run, Settings, Zone, evaluate, json,
-    origin, page, terminal,
+    Association, Case, Gate, Limits, Reference, Report, Settings, Zone, evaluate, json, origin,
+    page, terminal,
 };
-use crate::stream::{Fault, Input, Options, Outcome, Role, StreamCopy, copies};
+use crate::stream::{Fault, Options, Outcome, Role};
 use anyhow::Context;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::thread;
 use std::time::Duration;
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  A simulated run, to the table:
-    simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
-      | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
-  With a page:
-    report --truth truth.csv --html report.html poses.csv
-  Two methods side by side:
-    report --truth truth.csv vote=<(solve-pose -f frame.toml --method vote lines.csv) joint=poses.csv
-  Parts of the workspace apart:
-    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
-  In a script, with gates:
-    report --truth truth.csv --json --fail-if 'x.rms_mm>50' --fail-if 'scans.solved_pct<50' poses.csv
+  simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
+    | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
+  report --truth truth.csv --html report.html poses.csv
+  report --truth truth.csv vote=<(solve-pose -f frame.toml --method vote lines.csv) joint=poses.csv
+  report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  report --truth truth.csv --json --fail-if 'x.rms_mm>50' --fail-if 'scans.solved_pct<50' poses.csv
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
@@ -146,12 +141,12 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         ),
     };
     let given = args.truth.is_some() || args.desired.is_some();
-    let (runs, points) = read(&sources, &path, role, options).map_err(|error| match given {
-        true => error,
-        false => {
-            error.context("without --truth or --desired, the first run must be MCAP with /truth")
-        }
-    })?;
+    let (runs, points) =
+        inputs::read(&sources, &path, role, options).map_err(|error| match given {
+            true => error,
+            false => error
+                .context("without --truth or --desired, the first run must be MCAP with /truth"),
+        })?;
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
@@ -191,113 +186,6 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         date: std::env::var("SOURCE_DATE_EPOCH")
             .ok()
             .and_then(|s| origin::date(&s)),
-    })
-}
-
-/// Reads all live inputs at the same time: they may be branches of one pipeline, where a branch that
-/// is not read holds up the others.
-fn read(
-    sources: &[origin::Source],
-    reference: &Path,
-    role: Role,
-    options: &Options,
-) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
-    // A file may be the work of the pipeline that ends here (`simulate --truth FILE | ...`): it is
-    // whole when the poses have ended. A FIFO, or stdin, must be read beside them.
-    let is_live = |path: &Path| {
-        path == Path::new("-") || std::fs::metadata(path).is_ok_and(|found| !found.is_file())
-    };
-    let live = is_live(reference);
-    let shared = sources.iter().position(|s| s.path == reference && live);
-    let mut halves = match shared {
-        Some(_) => copies(Some(reference))?.map(Some),
-        None => [None, None],
-    };
-    thread::scope(|scope| {
-        let half = halves[1].take();
-        let points =
-            live.then(|| scope.spawn(move || read_reference(reference, half, role, options)));
-        let mut runs = Vec::new();
-        for (i, source) in sources.iter().enumerate() {
-            let half = if shared == Some(i) {
-                halves[0].take()
-            } else {
-                None
-            };
-            runs.push(scope.spawn(move || read_run(source, half, options)));
-        }
-        let runs = runs
-            .into_iter()
-            .map(joined)
-            .collect::<anyhow::Result<Vec<Run>>>();
-        let points = match points {
-            Some(points) => joined(points),
-            None if runs.is_ok() => read_reference(reference, None, role, options),
-            None => Ok(Vec::new()),
-        };
-        Ok((runs?, points?))
-    })
-}
-
-fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow::Result<T> {
-    thread
-        .join()
-        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-fn read_reference(
-    path: &Path,
-    half: Option<StreamCopy>,
-    role: Role,
-    options: &Options,
-) -> anyhow::Result<Vec<TrajectoryPoint>> {
-    let mut input = match half {
-        Some(bytes) => {
-            let mut all = options.clone();
-            all.window = Default::default();
-            Input::from_reader(bytes, &origin::input_name(path), role, &all)?
-        }
-        None => Input::open_trajectory(Some(path), role, options)?,
-    };
-    let mut points = Vec::new();
-    while let Some(point) = input.next()? {
-        points.push(*point);
-    }
-    Ok(points)
-}
-
-fn read_run(
-    source: &origin::Source,
-    half: Option<StreamCopy>,
-    options: &Options,
-) -> anyhow::Result<Run> {
-    let mut input: Input<Pose> = match half {
-        Some(bytes) => Input::from_reader(
-            bytes,
-            &origin::input_name(&source.path),
-            Role::Truth,
-            options,
-        )?,
-        None => Input::open(Some(&source.path), options)?,
-    };
-    let mut poses = Vec::new();
-    while let Some(pose) = input.next()? {
-        poses.push(pose.clone());
-    }
-    let stages = input.provenance().iter();
-    let stages = stages.map(|stage| {
-        let seed = stage
-            .seed
-            .map(|s| format!("  # seed {s}"))
-            .unwrap_or_default();
-        let command = origin::command_without_folders(&stage.command);
-        format!("{command}{seed}  # {} {}", stage.tool, stage.version)
-    });
-    Ok(Run {
-        name: source.name.clone(),
-        source: origin::input_name(&source.path),
-        stages: stages.collect(),
-        poses,
     })
 }
 

@@ -3,6 +3,7 @@
 use crate::frame::Frame;
 use crate::pose::joint;
 use crate::pose::pitch::{self, Pitch};
+use crate::pose::vote;
 use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Outcome, SideInput, Stage};
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
@@ -161,7 +162,7 @@ impl Stage for Solve {
         let pitch = self.pitch(lines)?;
         let pose = match self.method {
             Method::Joint => joint::solve(lines, &self.frame, pitch, &joint::Options::default()),
-            Method::Vote => unreachable!(),
+            Method::Vote => vote::pose(lines, &self.frame, pitch),
         };
         if pose.is_solved() {
             self.solved += 1;

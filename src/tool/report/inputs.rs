@@ -1,0 +1,124 @@
+//! report's inputs: the runs and what they are compared with, in an order that cannot deadlock.
+
+use crate::record::{Pose, TrajectoryPoint};
+use crate::report::{Run, origin};
+use crate::stream::{Input, Options, Role, StreamCopy, Window, copies};
+use std::path::Path;
+use std::thread;
+
+/// Reads all inputs: first what comes through pipes, all at the same time, because they may be
+/// branches of one pipeline, where a branch that is not read holds up the others; then files, which
+/// the same pipeline may still have been writing (`simulate --truth T | .. | report --truth T`).
+pub(super) fn read(
+    sources: &[origin::Source],
+    reference: &Path,
+    role: Role,
+    options: &Options,
+) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
+    let shared = sources.iter().position(|s| s.path == reference);
+    let mut halves = match shared.filter(|_| is_pipe(reference)) {
+        Some(_) => copies(Some(reference))?.map(Some),
+        None => [None, None],
+    };
+    let mut points = None;
+    let mut runs: Vec<Option<Run>> = vec![None; sources.len()];
+    for pipes in [true, false] {
+        thread::scope(|scope| {
+            let [of_run, of_reference] = &mut halves;
+            let wanted = is_pipe(reference) == pipes;
+            let half = of_reference.take();
+            let reading =
+                wanted.then(|| scope.spawn(|| read_reference(reference, half, role, options)));
+            let mut threads = Vec::new();
+            for (i, source) in sources.iter().enumerate() {
+                if is_pipe(&source.path) == pipes {
+                    let half = if shared == Some(i) {
+                        of_run.take()
+                    } else {
+                        None
+                    };
+                    threads.push((i, scope.spawn(move || read_run(source, half, options))));
+                }
+            }
+            for (i, thread) in threads {
+                let run = joined(thread)?;
+                runs.splice(i..=i, [Some(run)]);
+            }
+            if let Some(thread) = reading {
+                points = Some(joined(thread)?);
+            }
+            anyhow::Ok(())
+        })?;
+    }
+    Ok((
+        runs.into_iter().flatten().collect(),
+        points.unwrap_or_default(),
+    ))
+}
+
+/// Whether an input is stdin, a FIFO or a device: anything but a file that is there or will be.
+fn is_pipe(path: &Path) -> bool {
+    path == Path::new("-") || std::fs::metadata(path).is_ok_and(|m| !m.is_file())
+}
+
+fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow::Result<T> {
+    thread
+        .join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+fn read_reference(
+    path: &Path,
+    half: Option<StreamCopy>,
+    role: Role,
+    options: &Options,
+) -> anyhow::Result<Vec<TrajectoryPoint>> {
+    let mut input = match half {
+        Some(bytes) => {
+            let mut all = options.clone();
+            all.window = Window::default();
+            Input::from_reader(bytes, &origin::input_name(path), role, &all)?
+        }
+        None => Input::open_trajectory(Some(path), role, options)?,
+    };
+    let mut points = Vec::new();
+    while let Some(point) = input.next()? {
+        points.push(*point);
+    }
+    Ok(points)
+}
+
+fn read_run(
+    source: &origin::Source,
+    half: Option<StreamCopy>,
+    options: &Options,
+) -> anyhow::Result<Run> {
+    let mut input: Input<Pose> = match half {
+        Some(bytes) => Input::from_reader(
+            bytes,
+            &origin::input_name(&source.path),
+            Role::Truth,
+            options,
+        )?,
+        None => Input::open(Some(&source.path), options)?,
+    };
+    let mut poses = Vec::new();
+    while let Some(pose) = input.next()? {
+        poses.push(pose.clone());
+    }
+    let stages = input.provenance().iter();
+    let stages = stages.map(|stage| {
+        let seed = stage
+            .seed
+            .map(|s| format!("  # seed {s}"))
+            .unwrap_or_default();
+        let command = origin::command_without_folders(&stage.command);
+        format!("{command}{seed}  # {} {}", stage.tool, stage.version)
+    });
+    Ok(Run {
+        name: source.name.clone(),
+        source: origin::input_name(&source.path),
+        stages: stages.collect(),
+        poses,
+    })
+}
