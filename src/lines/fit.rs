@@ -600,8 +600,11 @@ mod tests {
         }
     }
 
+    /// Beams (angle, range), and the line's d_m and alpha in degrees.
+    type Scene = (Vec<(f64, f64)>, f64, f64);
+
     /// A side wall 4 m away, seen from 0.5 m to 4 m above the scanner, and a ceiling 2 m above it.
-    fn scenes() -> [(Vec<(f64, f64)>, f64, f64); 2] {
+    fn scenes() -> [Scene; 2] {
         let side = exact(4.0, 0.0, 0.5f64.atan2(4.0).to_degrees(), 45.0);
         let ceiling = exact(2.0, 90.0, 90.0 - 68.0, 90.0 + 68.0);
         [(side, 4.0, 0.0), (ceiling, 2.0, 90.0)]

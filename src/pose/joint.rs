@@ -8,9 +8,9 @@
 //! eight are not required.
 
 use super::interval::{BoxFactor, Gaussian, propagate};
-use super::pitch::Pitch;
+use super::pitch::{self, Pitch};
 use crate::frame::{Frame, ScannerPose};
-use crate::record::{Edge, EdgeKind, Face, Pose, ReflectorLines, Status};
+use crate::record::{Edge, EdgeKind, Face, Pose, ReflectorLines, Status, upper_index};
 use nalgebra::{SMatrix, SVector};
 
 /// State: x, y, z, roll, pitch, yaw, range bias, hit threshold.
@@ -48,6 +48,8 @@ impl Default for Options {
     }
 }
 
+/// Standard deviation of a pitch that nobody gave, rad.
+const UNKNOWN_PITCH_RAD: f64 = std::f64::consts::PI / 180.0;
 /// Blur of an interval's bounds: this much, m, and this share of the spot's radius.
 const SOFT_M: f64 = 0.0002;
 const SOFT_SPOT: f64 = 0.02;
@@ -68,38 +70,68 @@ struct EdgeBox {
 
 /// Solves one scan.
 ///
-/// `pitch` none takes zero with one degree of standard deviation and says so in the status. The
-/// pose is in B at the lines' reference instant; a scan without two kinds of lines gives a pose
-/// record without numbers.
+/// With no `pitch` the platform is taken as level with a standard deviation of one degree (with
+/// strips on the walls, pitch is estimated), and the status says so. The pose is in B at the lines'
+/// reference instant; where neither the upper line nor a wall was seen it has no numbers.
 pub fn solve(
     lines: &ReflectorLines,
     frame: &Frame,
     pitch: Option<Pitch>,
     options: &Options,
 ) -> Pose {
+    match pitch {
+        Some(pitch) => solve_with(lines, frame, pitch, options),
+        None if frame.strips.iter().any(|strip| strip.face != Face::Upper) => {
+            // Strips on the walls tell the pitch.
+            let wide = Pitch {
+                rad: 0.0,
+                sigma_rad: UNKNOWN_PITCH_RAD,
+                stale: false,
+            };
+            let pose = solve_with(lines, frame, wide, options);
+            Pose {
+                status: pose.status | Status::NO_IMU,
+                ..pose
+            }
+        }
+        None => solve_level(lines, frame, options),
+    }
+}
+
+/// The pose of a platform taken as level. The pitch is not estimated, because ceiling strips do not
+/// tell it from x; what an unknown pitch does to the pose is added to the covariance.
+fn solve_level(lines: &ReflectorLines, frame: &Frame, options: &Options) -> Pose {
+    let at = |rad: f64| {
+        solve_with(
+            lines,
+            frame,
+            Pitch {
+                rad,
+                sigma_rad: 0.0,
+                stale: false,
+            },
+            options,
+        )
+    };
+    let (mut level, tilted) = (at(0.0), at(UNKNOWN_PITCH_RAD));
+    level.status |= Status::NO_IMU;
+    let moved: [f64; 6] = std::array::from_fn(|k| tilted.components()[k] - level.components()[k]);
+    for row in 0..6 {
+        for col in row..6 {
+            level.covariance[upper_index(6, row, col)] += moved[row] * moved[col];
+        }
+    }
+    level
+}
+
+fn solve_with(lines: &ReflectorLines, frame: &Frame, pitch: Pitch, options: &Options) -> Pose {
     let mut pose = Pose {
         stamp: lines.stamp,
         scan_stamp: lines.scan_stamp,
         seq: lines.seq,
         ..Pose::default()
     };
-    let mut status = seen_status(lines);
-    let pitch = match pitch {
-        Some(pitch) => {
-            if pitch.stale {
-                status |= Status::STALE_IMU;
-            }
-            pitch
-        }
-        None => {
-            status |= Status::NO_IMU;
-            Pitch {
-                rad: 0.0,
-                sigma_rad: 1f64.to_radians(),
-                stale: false,
-            }
-        }
-    };
+    let mut status = seen_status(lines) | pitch::status(Some(pitch));
     if status.has(Status::NO_UPPER) || status.has(Status::NO_WALLS) {
         pose.status = status | Status::NO_POSE;
         return pose;

@@ -6,7 +6,7 @@
 //! axes whatever axes the samples have, or as a number.
 
 use crate::frame::Frame;
-use crate::record::{Axes, ImuSample, Stamp};
+use crate::record::{Axes, ImuSample, Stamp, Status};
 use nalgebra::Rotation3;
 
 /// Pitch of the platform with its standard deviation.
@@ -89,6 +89,15 @@ pub fn at(
             stale: age_s(&only) > max_age_s,
         }),
         (None, None) => None,
+    }
+}
+
+/// What a pose's status says of its pitch.
+pub fn status(pitch: Option<Pitch>) -> Status {
+    match pitch {
+        None => Status::NO_IMU,
+        Some(pitch) if pitch.stale => Status::STALE_IMU,
+        Some(_) => Status::OK,
     }
 }
 

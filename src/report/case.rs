@@ -481,8 +481,8 @@ pub(super) mod tests {
             pose.position_m = [0, 1, 2].map(value);
             pose.rotation_rad = [3, 4, 5].map(value);
             pose.covariance = [0.0; 21];
-            for k in 0..6 {
-                pose.covariance[upper_index(6, k, k)] = amplitude[k].powi(2);
+            for (k, sigma) in amplitude.iter().enumerate() {
+                pose.covariance[upper_index(6, k, k)] = sigma.powi(2);
             }
             if i % 50 == 49 {
                 pose = Pose {
@@ -566,12 +566,12 @@ pub(super) mod tests {
     fn yaw_is_wrapped() {
         let point = TrajectoryPoint {
             position_m: [0.0; 3],
-            rotation_rad: [0.0, 0.0, 3.14],
+            rotation_rad: [0.0, 0.0, 3.1],
             ..TrajectoryPoint::default()
         };
         let pose = Pose {
             position_m: [0.0; 3],
-            rotation_rad: [0.0, 0.0, -3.14],
+            rotation_rad: [0.0, 0.0, -3.1],
             ..Pose::default()
         };
         let reference = Reference::new(vec![point], Limits::default());
@@ -580,7 +580,7 @@ pub(super) mod tests {
             ..Run::default()
         };
         let cases = evaluate(vec![run], &reference, &Settings::default());
-        let want = 2.0 * (std::f64::consts::PI - 3.14);
+        let want = 2.0 * (std::f64::consts::PI - 3.1);
         assert!((cases[0].axes[5].statistics.bias - want).abs() < 1e-12);
     }
 

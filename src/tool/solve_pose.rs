@@ -162,7 +162,13 @@ impl Stage for Solve {
         let pitch = self.pitch(lines)?;
         let pose = match self.method {
             Method::Joint => joint::solve(lines, &self.frame, pitch, &joint::Options::default()),
-            Method::Vote => vote::pose(lines, &self.frame, pitch),
+            Method::Vote => {
+                let pose = vote::pose(lines, &self.frame, pitch.map_or(0.0, |p| p.rad));
+                Pose {
+                    status: pose.status | pitch::status(pitch),
+                    ..pose
+                }
+            }
         };
         if pose.is_solved() {
             self.solved += 1;
