@@ -82,6 +82,11 @@ interop:
 experiments: build
 	$(MAKE) -C experiments BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
+## accuracy: prints the figures of the table in the README (two minutes)
+.PHONY: accuracy
+accuracy: build
+	@$(MAKE) --no-print-directory -C experiments accuracy BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
 ## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
 .PHONY: install
 install: build
