@@ -35,7 +35,7 @@ demo: build
 		| tee $(DEMO)/scans.csv \
 		| extract-lines -f $(FRAME) \
 		| tee $(DEMO)/lines.csv \
-		| solve-pose -f $(FRAME) \
+		| solve-pose -f $(FRAME) --pitch-deg 0 \
 		| tee $(DEMO)/poses.csv \
 		| report --truth $(DEMO)/truth.csv --html $(DEMO)/report.html -
 	echo "look at $(DEMO)/report.html; scans.csv, lines.csv, poses.csv and truth.csv are beside it"
