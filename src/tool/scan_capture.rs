@@ -48,15 +48,15 @@ that is said on stderr.";
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  A recording as scans:
+  Decode a recording; run.times.csv beside it is used if it is there
     scan-capture --replay run.cola > scans.csv
-  The lines in them:
+  The straight lines of whatever the scanner saw
     scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
-  As MCAP, with the frame file's scanner constants:
-    scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  With the time of the first scan, without the first 200 ms:
+  As MCAP, with the scanner's delay and range from the frame file
+    scan-capture --replay run.cola -f frame.toml --format mcap -o capture.mcap
+  From 0.2 s on, in true time
     scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
-  From a pipe:
+  From a pipe
     cat run.cola | scan-capture --replay - | head -n 2";
 
 /// Records scans from a SICK laser scanner (for now: from a recorded byte stream)
