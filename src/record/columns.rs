@@ -283,8 +283,9 @@ impl Value for Vec<f32> {
     fn push_text(&self, out: &mut Vec<u8>) {
         push_list(out, self, |out, v| {
             // Remissions are mostly whole digits, for which the float printer is the slow way.
-            if v.fract() == 0.0 && v.abs() < 1e6 {
-                text::push_int(out, *v as i32);
+            let whole = *v as u32;
+            if whole < 100_000 && whole as f32 == *v {
+                text::push_five_digits(out, whole);
             } else {
                 text::push_f32(out, *v);
             }

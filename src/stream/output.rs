@@ -32,7 +32,7 @@ struct Core {
 }
 
 enum Encoder {
-    Csv(CsvWriter<Target>),
+    Csv(Box<CsvWriter<Target>>),
     Mcap(Box<McapWriter<Target>>),
 }
 
@@ -131,7 +131,7 @@ impl Output {
         prompt: bool,
     ) -> anyhow::Result<Output> {
         let encoder = match encoding {
-            Encoding::Csv => Encoder::Csv(CsvWriter::new(target)),
+            Encoding::Csv => Encoder::Csv(Box::new(CsvWriter::new(target))),
             Encoding::Mcap => Encoder::Mcap(Box::new(McapWriter::new(
                 target,
                 rename.is_some(),

@@ -6,7 +6,7 @@ use crate::stream::check::{BadField, StreamRecord};
 use crate::stream::{Role, cdr};
 
 macro_rules! plain {
-    ($record:ty, $topic:literal, $type:literal, sequence = $sequence:expr) => {
+    ($record:ty, $topic:literal, $type:literal, sequence = |$this:ident| $sequence:expr) => {
         impl Messages for $record {
             type Parts = ();
 
@@ -25,8 +25,8 @@ macro_rules! plain {
             }
 
             fn encode(&self, role: Role, out: &mut Bodies) -> Result<(), BadField> {
-                let sequence: fn(&$record) -> Option<u32> = $sequence;
-                out.sequence = sequence(self);
+                let $this = self;
+                out.sequence = $sequence;
                 for topic in <$record>::written_to(role) {
                     out.add(topic, |out| cdr::encode_columns(out, self, every))?;
                 }
@@ -62,5 +62,5 @@ plain!(
     ClockExchange,
     "/clock_exchange",
     "cablepose_msgs/msg/ClockExchange",
-    sequence = |_| None
+    sequence = |_exchange| None
 );

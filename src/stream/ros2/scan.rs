@@ -2,7 +2,7 @@
 
 use super::types::{Header, LASER, LaserScanHead, Time};
 use super::{Bodies, MARKERS, Message, Messages, TF_STATIC, Topic, definitions};
-use crate::record::{Ranges, Scan, Stamp};
+use crate::record::{Ranges, Scan, Stamp, text};
 use crate::stream::check::BadField;
 use crate::stream::{Role, cdr};
 
@@ -185,9 +185,7 @@ const EXACT_BELOW_M: f64 = 16.0;
 /// encodings give the same range back.
 fn float_metres(range_m: f64) -> f32 {
     if range_m.abs() < EXACT_BELOW_M {
-        // Adding and subtracting 1.5 * 2^52 rounds to whole micrometres, as round() would.
-        const ROUND: f64 = 6_755_399_441_055_744.0;
-        return (((range_m * 1e6 + ROUND) - ROUND) / 1e6) as f32;
+        return (text::whole(range_m * 1e6) / 1e6) as f32;
     }
     range_m as f32
 }
@@ -195,13 +193,12 @@ fn float_metres(range_m: f64) -> f32 {
 /// The range that a message's float32 stands for: the whole millimetre that it is nearest to, if
 /// it is that millimetre's float32; else rounded to the micrometre.
 fn metres(range: f32) -> f64 {
-    const ROUND: f64 = 6_755_399_441_055_744.0;
     let range_m = f64::from(range);
-    let whole_mm = ((range_m * 1e3 + ROUND) - ROUND) / 1e3;
+    let whole_mm = text::whole(range_m * 1e3) / 1e3;
     if whole_mm as f32 == range {
         whole_mm
     } else if range_m.abs() < 1e6 {
-        ((range_m * 1e6 + ROUND) - ROUND) / 1e6
+        text::whole(range_m * 1e6) / 1e6
     } else {
         range_m
     }
