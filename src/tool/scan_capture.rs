@@ -63,7 +63,7 @@ EXAMPLES
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = NAME, version, long_about = LONG_ABOUT, after_long_help = EXAMPLES)]
 pub struct Args {
-    /// Scanner to connect to, HOST[:PORT] or a serial port (not built yet)
+    /// Scanner to connect to, HOST, HOST:PORT or a serial port (not built yet)
     #[arg(value_name = "DEVICE", required_unless_present = "replay")]
     pub device: Option<String>,
     /// Decode a recorded byte stream; - is stdin
