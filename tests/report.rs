@@ -62,9 +62,9 @@ fn write_runs(dir: &Path, rows: usize, runs: &[(&str, f64)]) {
                 pose[k] += error * sigma[k];
             }
             let _ = write!(out, ",{}", text(pose));
-            for a in 0..6 {
+            for (a, sigma) in sigma.iter().enumerate() {
                 for b in a..6 {
-                    let value = if a == b { sigma[a] * sigma[a] } else { 0.0 };
+                    let value = if a == b { sigma * sigma } else { 0.0 };
                     let _ = write!(out, ",{value}");
                 }
             }

@@ -50,7 +50,7 @@ pub(super) fn push_five_digits(out: &mut Vec<u8>, n: u32) {
     let leading_zeros = [n < 10_000, n < 1000, n < 100, n < 10].map(usize::from);
     let skip: usize = leading_zeros.iter().sum();
     let word = digits.iter().rev().fold(0u64, |word, digit| {
-        word << 8 | u64::from(b'0') + u64::from(*digit)
+        (word << 8) | (u64::from(b'0') + u64::from(*digit))
     });
     let end = out.len() + digits.len() - skip;
     out.extend_from_slice(&(word >> (8 * skip)).to_le_bytes());
@@ -70,7 +70,7 @@ pub fn whole(value: f64) -> f64 {
 /// 1 um); `inf`, `-inf` and `nan` as ROS REP 117 has them.
 pub fn push_range_mm(out: &mut Vec<u8>, range_m: f64) {
     let um = whole(range_m * 1e6);
-    if um >= 0.0 && um < 1e8 {
+    if (0.0..1e8).contains(&um) {
         let um = um as u32;
         push_five_digits(out, um / 1000);
         return push_thousandths(out, um % 1000);

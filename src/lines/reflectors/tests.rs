@@ -110,9 +110,10 @@ fn tracking_gives_what_a_cold_start_gives_and_survives_a_jump() {
         let first = tracked.fit(&step.scan).expect("lines");
         let again = tracked.fit(&step.scan).expect("lines");
         let fresh = cold.fit(&step.scan).expect("lines");
-        for k in 0..3 {
-            assert!((first.lines[k].d_m - truth[k].d_m).abs() < 0.05);
-            assert!((again.lines[k].d_m - fresh.lines[k].d_m).abs() < 1e-3);
+        let found = first.lines.iter().zip(&again.lines).zip(&fresh.lines);
+        for (((first, again), fresh), truth) in found.zip(&truth) {
+            assert!((first.d_m - truth.d_m).abs() < 0.05);
+            assert!((again.d_m - fresh.d_m).abs() < 1e-3);
         }
     }
 }

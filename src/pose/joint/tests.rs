@@ -171,13 +171,11 @@ fn pitch_moves_x_and_its_variance_says_so() {
         });
         let wide = solve(&lines, &frame, imu, &Options::default());
         let height_m = frame.bounds.dz_m - exact.position_m[2];
-        // dx = -h dtheta: 0.5 deg at 3 m is 26 mm.
+        // dx = -h dtheta: 0.5 deg at 3 m is 26 mm. With roll and yaw the edges tell a little of the
+        // pitch, so that less may remain, never more.
         let expected = (height_m * sigma).powi(2) + exact.cov(0, 0);
-        assert!(
-            (wide.cov(0, 0) / expected - 1.0).abs() < 0.15,
-            "{} {expected}",
-            wide.cov(0, 0)
-        );
+        let ratio = wide.cov(0, 0) / expected;
+        assert!(ratio > 0.4 && ratio < 1.05, "{ratio}");
         assert!(wide.cov(0, 4) < 0.0, "{}", wide.cov(0, 4));
     }
 }
