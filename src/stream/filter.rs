@@ -7,6 +7,7 @@ use super::input::{Input, Source};
 use super::output::Output;
 use super::viewer::Note;
 use super::{Options, Outcome, Role};
+use crate::record::ImuSample;
 use std::marker::PhantomData;
 use std::path::Path;
 use std::time::Instant;
@@ -19,6 +20,12 @@ pub trait Stage {
     type Out: StreamRecord;
     /// Takes one record.
     fn push(&mut self, record: &Self::In, emit: &mut Emit<'_, Self::Out>) -> anyhow::Result<()>;
+    /// Whether IMU samples that travel in the same MCAP stream are wanted.
+    fn wants_imu(&self) -> bool {
+        false
+    }
+    /// Takes such a sample; it came before the record that is pushed next.
+    fn imu(&mut self, _sample: &ImuSample) {}
     /// The end of the input: writes what is still held back and says how it went.
     fn finish(&mut self, emit: &mut Emit<'_, Self::Out>) -> anyhow::Result<Outcome>;
 }
@@ -92,10 +99,16 @@ fn drive<S: Stage>(
     stage: &mut S,
     emit: &mut Emit<'_, S::Out>,
 ) -> anyhow::Result<Outcome> {
+    if stage.wants_imu() {
+        input.want_imu();
+    }
     loop {
-        match input.next_passing(Some(emit.output)) {
-            Ok(Some(record)) => stage.push(record, emit)?,
-            Ok(None) => return stage.finish(emit),
+        match input.advance(Some(emit.output)) {
+            Ok(true) => {
+                input.take_imu().iter().for_each(|sample| stage.imu(sample));
+                stage.push(input.current(), emit)?;
+            }
+            Ok(false) => return stage.finish(emit),
             Err(error) => {
                 // What the stage held back came before the fault and must not be lost.
                 let _ = stage.finish(emit);

@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::provenance::Provenance;
 use super::window::{Place, WindowState};
 use super::{Encoding, Options, Role, Window};
-use crate::record::TrajectoryPoint;
+use crate::record::{ImuSample, TrajectoryPoint};
 use std::fs::File;
 use std::io::{self, Cursor, Read};
 use std::path::Path;
@@ -106,6 +106,15 @@ impl<R: StreamRecord> Input<R> {
 
     /// The next record. What an MCAP input holds besides is handed on to `pass`.
     pub(super) fn next_passing(&mut self, pass: Option<&Output>) -> anyhow::Result<Option<&R>> {
+        Ok(if self.advance(pass)? {
+            Some(self.current())
+        } else {
+            None
+        })
+    }
+
+    /// Reads to the next record; false at the end.
+    pub(super) fn advance(&mut self, pass: Option<&Output>) -> anyhow::Result<bool> {
         while !self.ended {
             let read = match &mut self.reader {
                 Reader::Csv(csv) => csv.advance(),
@@ -116,7 +125,7 @@ impl<R: StreamRecord> Input<R> {
                     Place::Before => {}
                     Place::Inside => {
                         self.records += 1;
-                        return Ok(Some(self.current()));
+                        return Ok(true);
                     }
                     // A stream is in order of time: nothing that is wanted can follow.
                     Place::After => self.end(),
@@ -136,10 +145,26 @@ impl<R: StreamRecord> Input<R> {
                 }
             }
         }
-        Ok(None)
+        Ok(false)
     }
 
-    fn current(&self) -> &R {
+    /// Reads the IMU samples of an MCAP stream beside the records.
+    pub(super) fn want_imu(&mut self) {
+        if let Reader::Mcap(mcap) = &mut self.reader {
+            mcap.want_imu();
+        }
+    }
+
+    /// The IMU samples met since the last call.
+    pub(super) fn take_imu(&mut self) -> Vec<ImuSample> {
+        match &mut self.reader {
+            Reader::Csv(_) => Vec::new(),
+            Reader::Mcap(mcap) => mcap.take_imu().collect(),
+        }
+    }
+
+    /// The record that was read last.
+    pub(super) fn current(&self) -> &R {
         match &self.reader {
             Reader::Csv(csv) => csv.record(),
             Reader::Mcap(mcap) => mcap.record(),

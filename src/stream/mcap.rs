@@ -12,12 +12,12 @@ use super::csv::RowError;
 use super::exit::Fault;
 use super::output::Output;
 use super::provenance::{self, Provenance};
-use super::ros2::{Bodies, MARKERS, Message, TF_STATIC, Topic};
+use super::ros2::{Bodies, MARKERS, Message, Messages, TF_STATIC, Topic};
 use super::viewer::{self, Note};
 use super::window::WindowState;
 use super::{Options, Role};
 use crate::frame::{Frame, Scanner};
-use crate::record::Stamp;
+use crate::record::{ImuSample, Stamp};
 use mcap::records::{MessageHeader, Metadata, Record as McapRecord};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::write::NoSeek;
@@ -370,6 +370,26 @@ struct State<R: StreamRecord> {
     parts: R::Parts,
     records: u64,
     provenance: Vec<Provenance>,
+    beside: Option<Beside>,
+}
+
+/// The IMU samples that travel with the records.
+#[derive(Default)]
+struct Beside {
+    topics: HashMap<u16, &'static Topic>,
+    sample: ImuSample,
+    parts: <ImuSample as Messages>::Parts,
+    complete: Vec<ImuSample>,
+}
+
+impl Beside {
+    fn take(&mut self, topic: &'static Topic, message: Message<'_>) -> Result<(), BadField> {
+        if self.sample.decode(topic, message, &mut self.parts)? {
+            self.sample.check()?;
+            self.complete.push(self.sample);
+        }
+        Ok(())
+    }
 }
 
 /// What a record of the file was good for.
@@ -396,8 +416,22 @@ impl<R: StreamRecord> McapReader<R> {
                 parts: R::Parts::default(),
                 records: 0,
                 provenance: Vec::new(),
+                beside: None,
             },
         }
+    }
+
+    /// Reads the IMU samples of the stream too.
+    pub(super) fn want_imu(&mut self) {
+        self.state.beside = Some(Beside::default());
+    }
+
+    /// The IMU samples met since the last call.
+    pub(super) fn take_imu(&mut self) -> impl Iterator<Item = ImuSample> {
+        self.state
+            .beside
+            .iter_mut()
+            .flat_map(|beside| beside.complete.drain(..))
     }
 
     /// Reads to the end of the next record; false at the end of the stream.
@@ -483,6 +517,13 @@ impl<R: StreamRecord> State<R> {
         &mut self,
         channel: &mcap::records::Channel,
     ) -> anyhow::Result<Option<&'static Topic>> {
+        if let Some(beside) = &mut self.beside {
+            let topics = ImuSample::read_from(self.role);
+            let own = channel.message_encoding == MESSAGE_ENCODING;
+            if let Some(topic) = topics.iter().find(|t| own && t.name == channel.topic) {
+                beside.topics.insert(channel.id, topic);
+            }
+        }
         let topics = R::read_from(self.role);
         let Some(topic) = topics.iter().find(|topic| topic.name == channel.topic) else {
             return Ok(None);
@@ -527,12 +568,18 @@ impl<R: StreamRecord> State<R> {
                 .with_mcap(|mcap| mcap.pass(&self.channels, header, body))
                 .map_err(RowError::Fatal)?;
         }
-        let Some(topic) = topic else {
-            return Ok(Step::Nothing);
-        };
         let message = Message {
             sequence: header.sequence,
             body,
+        };
+        if let Some(beside) = &mut self.beside
+            && let Some(topic) = beside.topics.get(&header.channel_id).copied()
+            && let Err(bad) = beside.take(topic, message)
+        {
+            return Err(RowError::Bad(self.bad(topic, header, &bad)));
+        }
+        let Some(topic) = topic else {
+            return Ok(Step::Nothing);
         };
         let complete = self.record.decode(topic, message, &mut self.parts);
         let checked = complete.and_then(|complete| {

@@ -7,6 +7,7 @@ use crate::pose::vote;
 use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Outcome, SideInput, Stage};
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -51,7 +52,7 @@ pub enum Method {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Pitch")]
 struct PitchArgs {
-    /// IMU samples, a file or a FIFO, CSV or MCAP
+    /// IMU samples, a file or a FIFO, CSV or MCAP [default: those in an MCAP input]
     #[arg(long, value_name = "FILE", conflicts_with = "pitch_deg")]
     imu: Option<PathBuf>,
     /// Standard deviation of the IMU's pitch
@@ -63,7 +64,7 @@ struct PitchArgs {
     /// A sample further than this from the scan is stale
     #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = parse_duration)]
     imu_max_age: Duration,
-    /// A constant pitch in place of an IMU [default: 0 with a sigma of 1 deg, and status no-imu]
+    /// A constant pitch in place of an IMU [default without an IMU: 0, sigma 1 deg, status no-imu]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pitch_deg: Option<f64>,
     /// Standard deviation of --pitch-deg
@@ -97,7 +98,11 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             sigma_rad: args.pitch.pitch_sigma_deg.to_radians(),
             stale: false,
         }),
-        (None, None) => Source::Nothing,
+        (None, None) => Source::Stream {
+            samples: VecDeque::new(),
+            sigma_rad: args.pitch.imu_pitch_sigma_deg.to_radians(),
+            max_age_s: args.pitch.imu_max_age.as_secs_f64(),
+        },
     };
     let mut stage = Solve {
         frame,
@@ -118,8 +123,16 @@ enum Source {
         max_age_s: f64,
     },
     Constant(Pitch),
-    Nothing,
+    /// The samples that travel in the same MCAP stream, if it has any.
+    Stream {
+        samples: VecDeque<ImuSample>,
+        sigma_rad: f64,
+        max_age_s: f64,
+    },
 }
+
+/// How many samples of the stream are kept: a second of a fast IMU.
+const KEPT: usize = 1000;
 
 /// Lines in, one pose each out.
 struct Solve {
@@ -133,7 +146,22 @@ struct Solve {
 impl Solve {
     fn pitch(&mut self, lines: &ReflectorLines) -> anyhow::Result<Option<Pitch>> {
         match &mut self.source {
-            Source::Nothing => Ok(None),
+            Source::Stream {
+                samples,
+                sigma_rad,
+                max_age_s,
+            } => {
+                let after = samples.partition_point(|s| s.stamp <= lines.stamp);
+                let before = after.checked_sub(1).and_then(|i| samples.get(i));
+                let around = (before, samples.get(after));
+                Ok(pitch::at(
+                    lines.stamp,
+                    around,
+                    &self.frame,
+                    *sigma_rad,
+                    *max_age_s,
+                ))
+            }
             Source::Constant(pitch) => Ok(Some(*pitch)),
             Source::Imu {
                 samples,
@@ -176,6 +204,19 @@ impl Stage for Solve {
             self.unsolved += 1;
         }
         emit.write(&pose)
+    }
+
+    fn wants_imu(&self) -> bool {
+        matches!(self.source, Source::Stream { .. })
+    }
+
+    fn imu(&mut self, sample: &ImuSample) {
+        if let Source::Stream { samples, .. } = &mut self.source {
+            if samples.len() == KEPT {
+                samples.pop_front();
+            }
+            samples.push_back(*sample);
+        }
     }
 
     fn finish(&mut self, _emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
