@@ -35,7 +35,7 @@ demo: build
 		| tee $(DEMO)/scans.csv \
 		| extract-lines -f $(FRAME) \
 		| tee $(DEMO)/lines.csv \
-		| solve-pose -f $(FRAME) \
+		| solve-pose -f $(FRAME) --pitch-deg 0 \
 		| tee $(DEMO)/poses.csv \
 		| report --truth $(DEMO)/truth.csv --html $(DEMO)/report.html -
 	echo "look at $(DEMO)/report.html; scans.csv, lines.csv, poses.csv and truth.csv are beside it"
@@ -81,6 +81,11 @@ interop:
 .PHONY: experiments
 experiments: build
 	$(MAKE) -C experiments BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
+## accuracy: prints the figures of the table in the README (two minutes)
+.PHONY: accuracy
+accuracy: build
+	@$(MAKE) --no-print-directory -C experiments accuracy BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
 ## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
 .PHONY: install

@@ -135,8 +135,10 @@ def compare(row, t):
                  "measurement_frequency_hz", "device_name", "comment"):
         same(row, name, t[name])
     same(row, "device_time_ns", str(t["time_ns"]) if t["time_ns"] is not None else None)
-    same(row, "device_ns", str(t["tick"] * 1000))
-    same(row, "transmit_ns", str((t["tick"] + (t["transmit"] - t["tick"]) % 2**32) * 1000))
+    # Both ticks come unwrapped: their low 32 bits were sent.
+    device_us, transmit_us = int(row["device_ns"]) // 1000, int(row["transmit_ns"]) // 1000
+    assert device_us % 2**32 == t["tick"] and int(row["device_ns"]) % 1000 == 0, "device_ns"
+    assert transmit_us - device_us == (t["transmit"] - t["tick"]) % 2**32, "transmit_ns"
     same(row, "encoder", " ".join(map(str, t["encoder"])))
     first = t["channels"]["DIST1"]
     step = 2 / round(20000 / first["step"])

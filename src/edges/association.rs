@@ -99,7 +99,7 @@ impl Association {
         }
     }
 
-    /// Coarse search: x and yaw at which most edges lie near a boundary of their kind.
+    /// Coarse search: x and yaw at which the edges lie nearest to boundaries of their kind.
     fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> [f64; 3] {
         let mut best = (f64::NEG_INFINITY, [0.0; 3]);
         let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
@@ -112,12 +112,23 @@ impl Association {
                 // A small penalty prefers the middle where the count does not decide.
                 let mut score = -0.02 * (f64::from(x_step.abs()) + f64::from(yaw_step.abs()));
                 for (edge, middle) in edges.iter().zip(&self.middles) {
-                    let near = self.boundaries.iter().any(|b| {
-                        b.kind == edge.kind
-                            && b.face == edge.face
-                            && (b.gap_m(middle) - b.slope * x_m).abs() <= VOTE_M + middle.half_m
-                    });
-                    score += f64::from(u8::from(near));
+                    // The better centred the more: a wide tolerance alone is met by chance too.
+                    let reach_m = VOTE_M + middle.half_m;
+                    let fit = |b: &Boundary| {
+                        let off = (b.gap_m(middle) - b.slope * x_m) / reach_m;
+                        if off.abs() < 1.0 {
+                            1.0 - off * off
+                        } else {
+                            0.0
+                        }
+                    };
+                    let of_kind = |b: &&Boundary| b.kind == edge.kind && b.face == edge.face;
+                    score += self
+                        .boundaries
+                        .iter()
+                        .filter(of_kind)
+                        .map(fit)
+                        .fold(0.0, f64::max);
                 }
                 if score > best.0 {
                     best = (score, [x_m, yaw, 0.0]);

@@ -259,3 +259,6 @@ fn components(normal: &NormalLine) -> (f64, f64, f64) {
     let (sin, cos) = normal.alpha_rad.sin_cos();
     (cos, sin, normal.d_m)
 }
+
+#[cfg(test)]
+mod tests;

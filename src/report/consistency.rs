@@ -87,7 +87,7 @@ const LAGS: usize = 64;
 /// n / (1 + 2 sum of autocorrelations), summed by pairs of lags as long as a pair is positive
 /// (Geyer's initial positive sequence).
 ///
-/// Where the correlation outlasts [`LAGS`] lags, neighbours are averaged and the sum is made on the
+/// Where the correlation outlasts `LAGS` lags, neighbours are averaged and the sum is made on the
 /// shorter series: the variance of the mean does not change by that, and the cost stays linear.
 pub fn effective_number(values: &[f64]) -> f64 {
     let n = values.len();

@@ -149,7 +149,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Mean error of the component numbered as in [`CELL_AXES`].
+    /// Mean error of the component numbered as in `CELL_AXES`.
     pub fn bias(&self, k: usize) -> f64 {
         self.sums[k] / f64::from(self.counts[k])
     }

@@ -33,6 +33,8 @@ mod world;
 
 #[cfg(test)]
 mod physics_tests;
+#[cfg(test)]
+pub(crate) mod staged;
 
 pub use course::{Course, Grid, Scatter};
 pub use effects::{Effect, Effects};

@@ -15,12 +15,19 @@ use std::time::Duration;
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
-    | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
-  report --truth truth.csv --html report.html poses.csv
-  report --truth truth.csv vote=<(solve-pose -f frame.toml --method vote lines.csv) joint=poses.csv
-  report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
-  report --truth truth.csv --json --fail-if 'x.rms_mm>50' --fail-if 'scans.solved_pct<50' poses.csv
+  A simulated run, to the table:
+    simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
+      | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
+  With a page:
+    report --truth truth.csv --html report.html poses.csv
+  Two methods side by side:
+    report --truth truth.csv joint=poses.csv \\
+      vote=<(solve-pose -f frame.toml --method vote lines.csv)
+  Parts of the workspace apart:
+    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  In a script, with gates:
+    report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
+      --fail-if 'scans.solved_pct<50'
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std

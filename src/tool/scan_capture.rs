@@ -47,18 +47,23 @@ they are counted and skipped (status 3). A recording that starts or ends in mid-
 that is said on stderr.";
 
 const EXAMPLES: &str = "\
-EXAMPLES:
-  scan-capture --replay run.cola > scans.csv
-  scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
-  scan-capture --replay run.cola -f frame.toml --format mcap -o run.mcap
-  scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
-  cat run.cola | scan-capture --replay - | head -n 2";
+EXAMPLES
+  Decode a recording; run.times.csv beside it is used if it is there
+    scan-capture --replay run.cola > scans.csv
+  The straight lines of whatever the scanner saw
+    scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
+  As MCAP, with the scanner's delay and range from the frame file
+    scan-capture --replay run.cola -f frame.toml --format mcap -o capture.mcap
+  From 0.2 s on, in true time
+    scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
+  From a pipe
+    cat run.cola | scan-capture --replay - | head -n 2";
 
 /// Records scans from a SICK laser scanner (for now: from a recorded byte stream)
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = NAME, version, long_about = LONG_ABOUT, after_long_help = EXAMPLES)]
 pub struct Args {
-    /// Scanner to connect to, HOST[:PORT] or a serial port (not built yet)
+    /// Scanner to connect to, HOST, HOST:PORT or a serial port (not built yet)
     #[arg(value_name = "DEVICE", required_unless_present = "replay")]
     pub device: Option<String>,
     /// Decode a recorded byte stream; - is stdin

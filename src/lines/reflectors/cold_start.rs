@@ -1,0 +1,137 @@
+//! The search for the three lines with no idea where they are.
+
+use crate::record::{BeamTable, NormalLine};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// The search, with its histograms kept from scan to scan.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ColdStart {
+    points: Vec<(f64, f64)>,
+    across: Vec<u16>,
+    up: Vec<u16>,
+}
+
+/// Width of a histogram cell, m.
+const CELL_M: f64 = 0.04;
+/// The largest roll that is looked for, and the step, rad.
+const ROLL_MAX_RAD: f64 = 10.0 * PI / 180.0;
+const ROLL_STEP_RAD: f64 = 0.5 * PI / 180.0;
+
+impl ColdStart {
+    /// Right, upper and left line to within a few centimetres and half a degree.
+    pub(super) fn find(
+        &mut self,
+        beams: &BeamTable,
+        ranges_m: &[f64],
+        dy_m: f64,
+        gap_m: Option<f64>,
+    ) -> Option<[NormalLine; 3]> {
+        self.points.clear();
+        self.points.extend(
+            beams
+                .cos_sin
+                .iter()
+                .zip(ranges_m)
+                .filter(|(_, r)| r.is_finite() && **r > 0.05)
+                .map(|((c, s), r)| (r * c, r * s)),
+        );
+        let reach_m = dy_m + 2.0;
+        let across_cells = (2.0 * reach_m / CELL_M) as usize + 1;
+        let up_cells = (reach_m / CELL_M) as usize + 1;
+        let width_cells = (dy_m / CELL_M).round() as usize;
+        let gap_cells = gap_m.map(|gap_m| (gap_m / CELL_M).round() as usize);
+        let mut best: Option<(u64, f64, f64, f64)> = None;
+        let steps = (2.0 * ROLL_MAX_RAD / ROLL_STEP_RAD).round() as i32;
+        for step in 0..=steps {
+            let roll_rad = -ROLL_MAX_RAD + f64::from(step) * ROLL_STEP_RAD;
+            let (sin, cos) = roll_rad.sin_cos();
+            self.across.clear();
+            self.across.resize(across_cells, 0);
+            self.up.clear();
+            self.up.resize(up_cells, 0);
+            for (y, z) in &self.points {
+                let (across, up) = (y * cos - z * sin, y * sin + z * cos);
+                if let Some(cell) = self.across.get_mut(((across + reach_m) / CELL_M) as usize) {
+                    *cell += 1;
+                }
+                if up > 0.0
+                    && let Some(cell) = self.up.get_mut((up / CELL_M) as usize)
+                {
+                    *cell += 1;
+                }
+            }
+            let (walls, right_cell) = best_walls(&self.across, width_cells);
+            let (ceiling, up_cell) = best_ceiling(&self.up, gap_cells);
+            let score = walls + ceiling;
+            if best.is_none_or(|(best, ..)| score > best) {
+                let right_m = (right_cell as f64 + 0.5) * CELL_M - reach_m;
+                let upper_m = (up_cell as f64 + 0.5) * CELL_M;
+                best = Some((score, roll_rad, right_m, upper_m));
+            }
+        }
+        let (score, roll_rad, right_m, upper_m) = best?;
+        if score == 0 {
+            return None;
+        }
+        Some([
+            NormalLine::new(right_m, -roll_rad),
+            NormalLine::new(upper_m, FRAC_PI_2 - roll_rad),
+            NormalLine::new((dy_m - right_m).max(CELL_M), PI - roll_rad),
+        ])
+    }
+}
+
+/// Count in a cell and its neighbours.
+fn around(cells: &[u16], i: usize) -> u64 {
+    let from = i.saturating_sub(1);
+    let to = (i + 2).min(cells.len());
+    cells
+        .get(from..to)
+        .map_or(0, |cells| cells.iter().map(|c| u64::from(*c)).sum())
+}
+
+/// The right wall's cell: the most points there and one frame width to the left of it. Points at
+/// both ends count for much more than as many at one end, where a surface behind the wall may
+/// return more beams than its reflectors; with one wall hidden the other still decides.
+fn best_walls(across: &[u16], width_cells: usize) -> (u64, usize) {
+    let middle = across.len() / 2;
+    let mut best = (0.0, middle);
+    // The scanner is inside: the right wall lies to the right of it, the left one to the left.
+    for right in middle..(middle + width_cells).min(across.len()) {
+        let (a, b) = (
+            around(across, right),
+            around(across, right.saturating_sub(width_cells)),
+        );
+        let score = 2.0 * ((a * b) as f64).sqrt() + 0.1 * (a + b) as f64;
+        if score > best.0 {
+            best = (score, right);
+        }
+    }
+    (best.0 as u64, best.1)
+}
+
+/// The strip plane's cell. With a background it is where the product of the counts there and one
+/// gap behind is largest: the background alone has more points than the strips.
+fn best_ceiling(up: &[u16], gap_cells: Option<usize>) -> (u64, usize) {
+    const FIRST: usize = 3; // nearer than 12 cm is the platform itself
+    let mut best = (0, 0, 0);
+    if let Some(gap) = gap_cells {
+        for i in FIRST..up.len() {
+            let here = around(up, i);
+            let product = here * around(up, i + gap);
+            if product > best.0 {
+                best = (product, here, i);
+            }
+        }
+    }
+    if best.0 == 0 {
+        // Nothing behind: the nearest plane with a fair share of the points.
+        let most = (FIRST..up.len()).map(|i| around(up, i)).max().unwrap_or(0);
+        if let Some(i) = (FIRST..up.len()).find(|i| around(up, *i) * 2 > most) {
+            let near = i..(i + 3).min(up.len());
+            let peak = near.max_by_key(|j| around(up, *j)).unwrap_or(i);
+            best = (1, around(up, peak), peak);
+        }
+    }
+    (best.1, best.2)
+}

@@ -1,0 +1,271 @@
+use super::*;
+use crate::edges::EdgeMeter;
+use crate::lines::reflectors::{self, ReflectorFit};
+use crate::simulate::Step;
+use crate::simulate::staged::{frame, scattered};
+
+fn lines_of(frame: &Frame, step: &Step) -> ReflectorLines {
+    let mut fit = ReflectorFit::new(frame, reflectors::Options::default());
+    let mut lines = ReflectorLines::default();
+    lines.begin(&step.scan);
+    let found = fit.fit(&step.scan).expect("lines");
+    fit.record(&found, &mut lines);
+    EdgeMeter::new(frame).measure(&step.scan, &mut lines);
+    lines
+}
+
+fn known(step: &Step) -> Option<Pitch> {
+    Some(Pitch {
+        rad: step.truth.rotation_rad[1],
+        sigma_rad: 0.0,
+        stale: false,
+    })
+}
+
+fn errors(step: &Step, pose: &Pose) -> [f64; 6] {
+    let [x, y, z] = step.truth.position_m;
+    let [roll, pitch, yaw] = step.truth.rotation_rad;
+    let truth = [x, y, z, roll, pitch, yaw];
+    std::array::from_fn(|k| pose.components()[k] - truth[k])
+}
+
+#[test]
+fn threshold_of_half_the_spot_is_no_offset() {
+    assert!(threshold_mean(0.5).abs() < 1e-12);
+    // Share 0.4: hits begin with the centre further outside.
+    let q = threshold_mean(0.4);
+    assert!((q - 0.158).abs() < 0.002, "{q}");
+    assert!((threshold_mean(0.6) + q).abs() < 1e-9);
+}
+
+/// The walls' distance also tells |yaw|, this well a wall.
+const WALL_SIGMA_M: f64 = 0.001;
+
+/// Mean and covariance of (x, yaw) by brute force: every cell of a fine grid that satisfies all
+/// intervals at the true y, z, roll and pitch, weighted by the distance between the walls.
+fn exact_posterior(frame: &Frame, step: &Step, lines: &ReflectorLines) -> [f64; 4] {
+    let [x0, y, z] = step.truth.position_m;
+    let [roll, pitch, yaw0] = step.truth.rotation_rad;
+    let (mut n, mut sums) = (0.0, [0.0; 4]);
+    for i in -60..=60 {
+        for j in -60..=60 {
+            let (x, yaw) = (x0 + 0.0005 * f64::from(i), yaw0 + 0.0002 * f64::from(j));
+            let pose = ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw]);
+            let inside = lines.edges.iter().all(|edge| {
+                let strip = &frame.strips[edge.strip as usize];
+                let side = if edge.kind == EdgeKind::On { 0.5 } else { -0.5 };
+                let g = |angle: f64| {
+                    let p = pose.crossing(angle, Face::Upper).unwrap().point_m;
+                    p[1] - strip.offset_m - side * strip.width_m - strip.slope() * p[0]
+                };
+                g(edge.from_rad) >= 0.0 && g(edge.to_rad) <= 0.0
+            });
+            if inside {
+                let walls_m = [Face::Right, Face::Left].map(|face| pose.line(face).normal.d_m);
+                let off_m =
+                    lines.right.normal.d_m + lines.left.normal.d_m - walls_m[0] - walls_m[1];
+                let weight = (-0.5 * off_m * off_m / (2.0 * WALL_SIGMA_M * WALL_SIGMA_M)).exp();
+                n += weight;
+                let (dx, dyaw) = (x - x0, yaw - yaw0);
+                for (sum, value) in sums.iter_mut().zip([dx, dyaw, dx * dx, dyaw * dyaw]) {
+                    *sum += weight * value;
+                }
+            }
+        }
+    }
+    let [dx, dyaw, xx, yy] = sums.map(|sum| sum / n);
+    [
+        x0 + dx,
+        yaw0 + dyaw,
+        (xx - dx * dx).sqrt(),
+        (yy - dyaw * dyaw).sqrt(),
+    ]
+}
+
+#[test]
+fn the_estimate_is_the_mean_of_the_exact_posterior() {
+    let frame = frame(&[]);
+    let steps = scattered(&frame, "none", 40, [0.5, 3.5], 31);
+    let mut off = (0.0, 0.0);
+    let mut spread = (0.0, 0.0);
+    let mut n = 0.0;
+    for step in &steps {
+        let mut lines = lines_of(&frame, step);
+        for line in [&mut lines.right, &mut lines.upper, &mut lines.left] {
+            line.cov_dd = 1e-8;
+            line.cov_da = 0.0;
+            line.cov_aa = 1e-10;
+        }
+        // Their angles would tell yaw times pitch, which the brute force does not know.
+        for wall in [&mut lines.right, &mut lines.left] {
+            wall.cov_dd = WALL_SIGMA_M * WALL_SIGMA_M;
+            wall.cov_aa = 1e-5;
+        }
+        lines.joint_cov.clear();
+        let options = Options {
+            threshold_sigma: 1e-4,
+            ..Options::default()
+        };
+        let pose = solve(&lines, &frame, known(step), &options);
+        let [x, yaw, x_sd, yaw_sd] = exact_posterior(&frame, step, &lines);
+        if x_sd < 0.0015 {
+            // Narrower than the blur of the bounds.
+            continue;
+        }
+        n += 1.0;
+        off.0 += ((pose.position_m[0] - x) / x_sd).powi(2);
+        off.1 += ((pose.rotation_rad[2] - yaw) / yaw_sd).powi(2);
+        spread.0 += pose.cov(0, 0).sqrt() / x_sd;
+        spread.1 += pose.cov(5, 5).sqrt() / yaw_sd;
+    }
+    assert!(n > 25.0);
+    // In units of the posterior's own width.
+    assert!((off.0 / n).sqrt() < 0.25, "x off {}", (off.0 / n).sqrt());
+    assert!((off.1 / n).sqrt() < 0.25, "yaw off {}", (off.1 / n).sqrt());
+    assert!(
+        (spread.0 / n - 1.0).abs() < 0.12,
+        "x spread {}",
+        spread.0 / n
+    );
+    assert!(
+        (spread.1 / n - 1.0).abs() < 0.12,
+        "yaw spread {}",
+        spread.1 / n
+    );
+}
+
+#[test]
+fn covariance_is_honest() {
+    let frame = frame(&[]);
+    for effects in ["reference", "reference,mixed"] {
+        let steps = scattered(&frame, effects, 500, [0.5, 3.5], 32);
+        let mut nees = [0.0; 6];
+        for step in &steps {
+            let pose = solve(
+                &lines_of(&frame, step),
+                &frame,
+                known(step),
+                &Options::default(),
+            );
+            assert!(pose.is_solved(), "{}", pose.status);
+            for (k, e) in errors(step, &pose).into_iter().enumerate() {
+                nees[k] += e * e / pose.cov(k, k) / steps.len() as f64;
+            }
+        }
+        for k in [0, 1, 2, 3, 5] {
+            assert!(nees[k] > 0.75 && nees[k] < 1.35, "{effects}: {k}: {nees:?}");
+        }
+    }
+}
+
+#[test]
+fn pitch_moves_x_and_its_variance_says_so() {
+    let frame = frame(&[]);
+    let sigma = 0.5f64.to_radians();
+    for step in &scattered(&frame, "reference", 30, [0.5, 3.5], 33) {
+        let lines = lines_of(&frame, step);
+        let exact = solve(&lines, &frame, known(step), &Options::default());
+        let imu = known(step).map(|pitch| Pitch {
+            sigma_rad: sigma,
+            ..pitch
+        });
+        let wide = solve(&lines, &frame, imu, &Options::default());
+        let height_m = frame.bounds.dz_m - exact.position_m[2];
+        // dx = -h dtheta: 0.5 deg at 3 m is 26 mm.
+        let expected = (height_m * sigma).powi(2) + exact.cov(0, 0);
+        assert!(
+            (wide.cov(0, 0) / expected - 1.0).abs() < 0.15,
+            "{} {expected}",
+            wide.cov(0, 0)
+        );
+        assert!(wide.cov(0, 4) < 0.0, "{}", wide.cov(0, 4));
+    }
+}
+
+#[test]
+fn without_an_imu_the_platform_is_level_and_x_uncertain() {
+    let frame = frame(&[]);
+    let step = &scattered(&frame, "reference", 1, [2.0, 2.1], 34)[0];
+    let lines = lines_of(&frame, step);
+    let level = Some(Pitch {
+        rad: 0.0,
+        sigma_rad: 0.0,
+        stale: false,
+    });
+    let (given, assumed) = (
+        solve(&lines, &frame, level, &Options::default()),
+        solve(&lines, &frame, None, &Options::default()),
+    );
+    assert_eq!(given.components(), assumed.components());
+    assert!(assumed.status.has(Status::NO_IMU));
+    let moved_m = (frame.bounds.dz_m - given.position_m[2]) * 1f64.to_radians();
+    assert!((assumed.cov(0, 0).sqrt() / moved_m - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn strips_on_the_walls_tell_the_pitch() {
+    let text = include_str!("../../../testdata/inclined.toml");
+    let frame = Frame::parse(text, std::path::Path::new("inclined.toml")).unwrap();
+    let (mut sum, mut nees) = (0.0, 0.0);
+    let steps = scattered(&frame, "reference", 150, [0.8, 3.5], 35);
+    for step in &steps {
+        let pose = solve(&lines_of(&frame, step), &frame, None, &Options::default());
+        let e = errors(step, &pose)[4];
+        sum += e * e;
+        nees += e * e / pose.cov(4, 4);
+    }
+    let rms_deg = (sum / steps.len() as f64).sqrt().to_degrees();
+    assert!(rms_deg < 0.12, "{rms_deg}");
+    assert!(nees / (steps.len() as f64) < 1.5, "{nees}");
+}
+
+#[test]
+fn an_edge_that_contradicts_the_rest_is_left_out() {
+    let frame = frame(&[]);
+    for step in &scattered(&frame, "reference", 20, [1.0, 3.0], 36) {
+        let mut lines = lines_of(&frame, step);
+        let clean = solve(&lines, &frame, known(step), &Options::default());
+        for edge in &mut lines.edges[3..4] {
+            edge.from_rad += 0.04;
+            edge.to_rad += 0.04;
+        }
+        let pose = solve(&lines, &frame, known(step), &Options::default());
+        assert!(pose.status.has(Status::EDGE_OUTLIER), "{}", pose.status);
+        assert_eq!(pose.edges, 7);
+        assert!((pose.position_m[0] - clean.position_m[0]).abs() < 0.025);
+    }
+}
+
+#[test]
+fn what_was_not_seen_is_said() {
+    let frame = frame(&[]);
+    let step = &scattered(&frame, "reference", 1, [2.0, 2.1], 37)[0];
+    let lines = lines_of(&frame, step);
+    let solve = |lines: &ReflectorLines| solve(lines, &frame, known(step), &Options::default());
+    let few = ReflectorLines {
+        edges: lines.edges[..3].to_vec(),
+        ..lines.clone()
+    };
+    assert!(solve(&few).status.has(Status::FEW_EDGES));
+    let none = ReflectorLines {
+        edges: Vec::new(),
+        ..lines.clone()
+    };
+    let pose = solve(&none);
+    assert!(pose.status.has(Status::NO_EDGES | Status::NO_YAW));
+    assert!(pose.cov(0, 0) > 0.1, "x is anywhere: {}", pose.cov(0, 0));
+    assert!((pose.position_m[1] - step.truth.position_m[1]).abs() < 0.01);
+    let one_wall = ReflectorLines {
+        left: Default::default(),
+        ..lines.clone()
+    };
+    let pose = solve(&one_wall);
+    assert!(pose.status.has(Status::ONE_WALL) && pose.is_solved());
+    assert!((pose.position_m[1] - step.truth.position_m[1]).abs() < 0.06);
+    let no_ceiling = ReflectorLines {
+        upper: Default::default(),
+        ..lines.clone()
+    };
+    let pose = solve(&no_ceiling);
+    assert!(pose.status.has(Status::NO_UPPER) && !pose.is_solved());
+}
