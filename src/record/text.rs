@@ -35,24 +35,28 @@ fn push_trimmed(out: &mut Vec<u8>, text: &[u8]) {
     out.extend_from_slice(text.strip_suffix(b".0").unwrap_or(text));
 }
 
+/// The digits of 00 to 99, the first one in the low byte.
+const PAIRS: [u16; 100] = {
+    let mut pairs = [0; 100];
+    let mut n = 0;
+    while n < 100 {
+        pairs[n as usize] = (b'0' as u16 + n / 10) | ((b'0' as u16 + n % 10) << 8);
+        n += 1;
+    }
+    pairs
+};
+
 /// Appends a whole number below 100 000, which most ranges and remissions are.
 ///
 /// Eight bytes are copied and the surplus is cut off: a copy of a length that is known beforehand
 /// costs a fraction of one that is not.
 pub(super) fn push_five_digits(out: &mut Vec<u8>, n: u32) {
-    let digits = [
-        n / 10_000 % 10,
-        n / 1000 % 10,
-        n / 100 % 10,
-        n / 10 % 10,
-        n % 10,
-    ];
+    let pair = |two_digits: u32| u64::from(PAIRS[two_digits as usize % 100]);
+    let first = u64::from(b'0') + u64::from(n / 10_000 % 10);
+    let word = first | (pair(n / 100 % 100) << 8) | (pair(n % 100) << 24);
     let leading_zeros = [n < 10_000, n < 1000, n < 100, n < 10].map(usize::from);
     let skip: usize = leading_zeros.iter().sum();
-    let word = digits.iter().rev().fold(0u64, |word, digit| {
-        (word << 8) | (u64::from(b'0') + u64::from(*digit))
-    });
-    let end = out.len() + digits.len() - skip;
+    let end = out.len() + 5 - skip;
     out.extend_from_slice(&(word >> (8 * skip)).to_le_bytes());
     out.truncate(end);
 }

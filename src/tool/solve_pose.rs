@@ -74,7 +74,10 @@ struct PitchArgs {
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  Pitch from an IMU:
+  All in one stream, the IMU's samples too:
+    simulate -f frame.toml --n-scans 20 --imu-rate-hz 100 --format mcap > run.mcap
+    extract-lines -f frame.toml run.mcap | solve-pose -f frame.toml -o poses.mcap
+  Pitch from an IMU beside the scans:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
