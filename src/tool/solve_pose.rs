@@ -74,8 +74,7 @@ struct PitchArgs {
 
 const EXAMPLES: &str = "\
 EXAMPLES
-  All in one stream, the IMU's samples too:
-    simulate -f frame.toml --n-scans 20 --imu-rate-hz 100 --format mcap > run.mcap
+  All in one MCAP stream, the IMU's samples too:
     extract-lines -f frame.toml run.mcap | solve-pose -f frame.toml -o poses.mcap
   Pitch from an IMU beside the scans:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
