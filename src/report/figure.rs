@@ -108,6 +108,8 @@ pub(super) fn trace_limit(trace: &Trace, statistics: &Statistics) -> (f64, usize
     } else {
         largest
     };
+    // Errors of rounding, as of a pitch that was given, need no axis of their own size.
+    let limit = limit.max(1e-3);
     // A band far wider than the errors may leave the picture; the errors may not.
     let limit = above(limit.max(band.min(2.0 * limit)));
     (limit, sizes().filter(|s| *s > limit).count())
