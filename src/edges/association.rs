@@ -14,6 +14,9 @@ const X_MAX_M: f64 = 0.5;
 const X_STEP_M: f64 = 0.05;
 const YAW_MAX_RAD: f64 = 6.0 * std::f64::consts::PI / 180.0;
 const YAW_STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+const PITCH_STEP_RAD: f64 = 1.2 * std::f64::consts::PI / 180.0;
+/// How many peaks of the vote are refined.
+const CANDIDATES: usize = 6;
 /// Tolerance of the vote, m.
 const VOTE_M: f64 = 0.09;
 /// Tolerances of the association as the estimate improves, m.
@@ -88,9 +91,20 @@ impl Association {
         if start.is_some() {
             matched = self.refine(frame, lines, edges, &mut at, 1);
         }
-        if matched < wanted.min(6) {
-            at = self.vote(frame, lines, edges);
-            matched = self.refine(frame, lines, edges, &mut at, 0);
+        if matched < wanted.min(6) || matched * 2 < edges.len() {
+            // Several peaks of the vote may look alike; the one that explains most edges counts.
+            matched = 0;
+            for candidate in self.vote(frame, lines, edges) {
+                let mut refined = candidate;
+                let explained = self.refine(frame, lines, edges, &mut refined, 0);
+                if explained > matched {
+                    (matched, at) = (explained, refined);
+                }
+                if matched == edges.len() {
+                    break;
+                }
+            }
+            matched = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
         }
         self.last = (matched >= 3).then_some(at);
         let pose = pose_on_lines(frame, lines, at);
@@ -99,43 +113,56 @@ impl Association {
         }
     }
 
-    /// Coarse search: x and yaw at which the edges lie nearest to boundaries of their kind.
-    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> [f64; 3] {
-        let mut best = (f64::NEG_INFINITY, [0.0; 3]);
+    /// Coarse search: the poses (x, yaw, pitch) from which the edges lie nearest to boundaries of
+    /// their kind, best first, at some distance from each other.
+    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> Vec<[f64; 3]> {
+        let mut scored: Vec<(f64, [f64; 3])> = Vec::new();
         let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
         let x_steps = (X_MAX_M / X_STEP_M).round() as i32;
-        for yaw_step in -yaw_steps..=yaw_steps {
+        let pitches = if self.with_pitch { -1..=1 } else { 0..=0 };
+        for (pitch_step, yaw_step) in
+            pitches.flat_map(|p| (-yaw_steps..=yaw_steps).map(move |y| (p, y)))
+        {
             let yaw = f64::from(yaw_step) * YAW_STEP_RAD;
-            self.see(frame, lines, edges, [0.0, yaw, 0.0]);
+            let pitch = f64::from(pitch_step) * PITCH_STEP_RAD;
+            self.see(frame, lines, edges, [0.0, yaw, pitch]);
             for x_step in -x_steps..=x_steps {
                 let x_m = f64::from(x_step) * X_STEP_M;
                 // A small penalty prefers the middle where the count does not decide.
-                let mut score = -0.02 * (f64::from(x_step.abs()) + f64::from(yaw_step.abs()));
-                for (edge, middle) in edges.iter().zip(&self.middles) {
-                    // The better centred the more: a wide tolerance alone is met by chance too.
-                    let reach_m = VOTE_M + middle.half_m;
-                    let fit = |b: &Boundary| {
-                        let off = (b.gap_m(middle) - b.slope * x_m) / reach_m;
-                        if off.abs() < 1.0 {
-                            1.0 - off * off
-                        } else {
-                            0.0
-                        }
-                    };
-                    let of_kind = |b: &&Boundary| b.kind == edge.kind && b.face == edge.face;
-                    score += self
-                        .boundaries
-                        .iter()
-                        .filter(of_kind)
-                        .map(fit)
-                        .fold(0.0, f64::max);
-                }
-                if score > best.0 {
-                    best = (score, [x_m, yaw, 0.0]);
-                }
+                let far = f64::from(x_step.abs() + yaw_step.abs());
+                scored.push((self.score(edges, x_m) - 0.02 * far, [x_m, yaw, pitch]));
             }
         }
-        best.1
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best: Vec<[f64; 3]> = Vec::new();
+        for (_, at) in scored {
+            let near = |b: &[f64; 3]| {
+                (b[0] - at[0]).abs() < 2.5 * X_STEP_M && (b[1] - at[1]).abs() < 2.5 * YAW_STEP_RAD
+            };
+            if !best.iter().any(near) {
+                best.push(at);
+            }
+            if best.len() == CANDIDATES {
+                break;
+            }
+        }
+        best
+    }
+
+    /// How well the edges, seen from x = 0, fit boundaries when x is `x_m`. The better centred the
+    /// more: a wide tolerance alone is met by chance too.
+    fn score(&self, edges: &[Edge], x_m: f64) -> f64 {
+        let fit = |(edge, middle): (&Edge, &Middle)| {
+            let reach_m = VOTE_M + middle.half_m;
+            self.boundaries
+                .iter()
+                .filter(|b| b.kind == edge.kind && b.face == edge.face)
+                .map(|b| (b.gap_m(middle) - b.slope * x_m) / reach_m)
+                .filter(|off| off.abs() < 1.0)
+                .map(|off| 1.0 - off * off)
+                .fold(0.0, f64::max)
+        };
+        edges.iter().zip(&self.middles).map(fit).sum()
     }
 
     /// Alternates association and least squares; returns the number of edges with a strip.

@@ -170,12 +170,27 @@ impl ReflectorFit {
             )?;
             self.is_plausible(&fit, None).then_some(fit)
         });
+        let fit = fit.map(|fit| self.with_hidden_wall(fit));
         self.previous = fit.as_ref().map(|fit| Previous {
             lines: fit.lines,
             bias_m: fit.bias_m,
             sigma_m: fit.sigma_m,
             points: fit.points,
         });
+        fit
+    }
+
+    /// Puts a wall that was not seen where the other one says it is.
+    fn with_hidden_wall(&self, mut fit: JointLines) -> JointLines {
+        let [right, _, left] = fit.seen(&self.options);
+        let opposite = |wall: NormalLine, turn: f64| {
+            NormalLine::new((self.dy_m - wall.d_m).max(0.05), wall.alpha_rad + turn)
+        };
+        if right && !left {
+            fit.lines[2] = opposite(fit.lines[0], PI);
+        } else if left && !right {
+            fit.lines[0] = opposite(fit.lines[2], -PI);
+        }
         fit
     }
 

@@ -56,6 +56,9 @@ const SOFT_SPOT: f64 = 0.02;
 /// An edge that misses its interval by more than this, m, and two standard deviations of the
 /// estimate, contradicts the others.
 const VIOLATION_M: f64 = 0.0015;
+/// Squared misfit of the seven line parameters in the metric of their covariance beyond which they
+/// are not those of one pose (chi-square with seven degrees of freedom: one in 1e9 is 58).
+const MISFIT_LIMIT: f64 = 60.0;
 /// Relinearisations of lines and edges.
 const ROUNDS: usize = 3;
 const SWEEPS: usize = 12;
@@ -115,7 +118,10 @@ fn solve_level(lines: &ReflectorLines, frame: &Frame, options: &Options) -> Pose
     };
     let (mut level, tilted) = (at(0.0), at(UNKNOWN_PITCH_RAD));
     level.status |= Status::NO_IMU;
-    let moved: [f64; 6] = std::array::from_fn(|k| tilted.components()[k] - level.components()[k]);
+    let moved: [f64; 6] = std::array::from_fn(|k| {
+        let moved = tilted.components()[k] - level.components()[k];
+        if moved.is_finite() { moved } else { 0.0 }
+    });
     for row in 0..6 {
         for col in row..6 {
             level.covariance[upper_index(6, row, col)] += moved[row] * moved[col];
@@ -176,28 +182,67 @@ fn solve_with(lines: &ReflectorLines, frame: &Frame, pitch: Pitch, options: &Opt
     if rejected.iter().any(|r| *r) {
         status |= Status::EDGE_OUTLIER;
     }
-    if used == 0 {
-        status |= Status::NO_EDGES;
-    } else if used < 4 {
-        status |= Status::FEW_EDGES;
-    }
-    if posterior.covariance[(YAW, YAW)].sqrt() > options.yaw_limit_rad {
-        status |= Status::NO_YAW;
-    }
-    let m = &posterior.mean;
-    pose.position_m = [m[0], m[1], m[2]];
-    pose.rotation_rad = [m[3], m[4], m[5]];
-    pose.range_bias_m = m[BIAS];
-    let mut k = 0;
-    for row in 0..6 {
-        for col in row..6 {
-            pose.covariance[k] = posterior.covariance[(row, col)];
-            k += 1;
-        }
+    if contradicts(lines, frame, &estimate, used) {
+        status |= Status::DISAGREE;
     }
     pose.edges = used as u32;
-    pose.status = status;
+    pose.status = status | edge_status(&posterior, used, options);
+    fill(&mut pose, &posterior, options);
     pose
+}
+
+/// Remarks on x and yaw.
+fn edge_status(posterior: &Gaussian<N>, used: usize, options: &Options) -> Status {
+    let mut status = match used {
+        0 => Status::NO_EDGES,
+        1..4 => Status::FEW_EDGES,
+        _ => Status::OK,
+    };
+    if sigma(posterior, YAW) > options.yaw_limit_rad {
+        status |= Status::NO_YAW;
+    }
+    status
+}
+
+fn sigma(state: &Gaussian<N>, k: usize) -> f64 {
+    state.covariance[(k, k)].sqrt()
+}
+
+/// Whether lines and edges cannot be those of one pose: the lines miss it by far more than their
+/// covariance allows, or most of the edges found belong to no strip seen from there.
+fn contradicts(lines: &ReflectorLines, frame: &Frame, at: &State, used: usize) -> bool {
+    let misfit = line_equations(lines, frame, at).map_or(0.0, |(_, residuals, weights)| {
+        residuals.dot(&(weights * residuals))
+    });
+    misfit > MISFIT_LIMIT || used * 2 < lines.edges.len()
+}
+
+/// Puts the state's components into the pose. What was not measured, where only the prior's width
+/// is left, stays empty: a number there would be no measurement.
+fn fill(pose: &mut Pose, posterior: &Gaussian<N>, options: &Options) {
+    let m = &posterior.mean;
+    let mut components = [m[0], m[1], m[2], m[3], m[4], m[5]];
+    let mut known = [true; 6];
+    known[X] = pose.edges > 0 && sigma(posterior, X) < 0.5 * options.x_sigma_m;
+    known[YAW] = !pose.status.has(Status::NO_YAW);
+    for row in 0..6 {
+        if !known[row] {
+            components[row] = f64::NAN;
+        }
+        for col in row..6 {
+            let both = known[row] && known[col];
+            let value = if both {
+                posterior.covariance[(row, col)]
+            } else {
+                f64::NAN
+            };
+            pose.covariance[upper_index(6, row, col)] = value;
+        }
+    }
+    let [x, y, z, roll, pitch, yaw] = components;
+    pose.position_m = [x, y, z];
+    pose.rotation_rad = [roll, pitch, yaw];
+    pose.range_bias_m = m[BIAS];
 }
 
 fn seen_status(lines: &ReflectorLines) -> Status {

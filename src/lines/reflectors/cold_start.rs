@@ -60,7 +60,7 @@ impl ColdStart {
                     *cell += 1;
                 }
             }
-            let (walls, right_cell) = best_walls(&self.across, width_cells);
+            let (walls, right_cell) = best_walls(&self.across, width_cells, gap_cells);
             let (ceiling, up_cell) = best_ceiling(&self.up, gap_cells);
             let score = walls + ceiling;
             if best.is_none_or(|(best, ..)| score > best) {
@@ -90,19 +90,25 @@ fn around(cells: &[u16], i: usize) -> u64 {
         .map_or(0, |cells| cells.iter().map(|c| u64::from(*c)).sum())
 }
 
-/// The right wall's cell: the most points there and one frame width to the left of it. Points at
-/// both ends count for much more than as many at one end, where a surface behind the wall may
-/// return more beams than its reflectors; with one wall hidden the other still decides.
-fn best_walls(across: &[u16], width_cells: usize) -> (u64, usize) {
+/// The right wall's cell: where points pile up there, or one background gap behind it, and one
+/// frame width to the left of it, or one gap behind that. A reflector that the scan plane misses
+/// shows the surface behind it, which may return more beams than the reflectors do: only points at
+/// both ends together tell which is which. With one wall hidden the other decides as it can.
+fn best_walls(across: &[u16], width_cells: usize, gap_cells: Option<usize>) -> (u64, usize) {
     let middle = across.len() / 2;
     let mut best = (0.0, middle);
     // The scanner is inside: the right wall lies to the right of it, the left one to the left.
     for right in middle..(middle + width_cells).min(across.len()) {
-        let (a, b) = (
-            around(across, right),
-            around(across, right.saturating_sub(width_cells)),
-        );
-        let score = 2.0 * ((a * b) as f64).sqrt() + 0.1 * (a + b) as f64;
+        let Some(left) = right.checked_sub(width_cells) else {
+            continue;
+        };
+        let plates = around(across, right) + around(across, left);
+        let with_behind = |cell: usize, behind: Option<usize>| {
+            around(across, cell) + behind.map_or(0, |behind| around(across, behind))
+        };
+        let a = with_behind(right, gap_cells.map(|gap| right + gap));
+        let b = with_behind(left, gap_cells.and_then(|gap| left.checked_sub(gap)));
+        let score = 2.0 * ((a * b) as f64).sqrt() + 0.1 * plates as f64;
         if score > best.0 {
             best = (score, right);
         }
