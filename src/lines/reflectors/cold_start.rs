@@ -7,8 +7,48 @@ use std::f64::consts::{FRAC_PI_2, PI};
 #[derive(Clone, Debug, Default)]
 pub(super) struct ColdStart {
     points: Vec<(f64, f64)>,
-    across: Vec<u16>,
-    up: Vec<u16>,
+    across: Histogram,
+    up: Histogram,
+}
+
+/// Points by position.
+#[derive(Clone, Debug, Default)]
+struct Histogram {
+    cells: Vec<u32>,
+    /// Each cell's count with its two neighbours'.
+    around: Vec<u32>,
+}
+
+impl Histogram {
+    fn clear(&mut self, cells: usize) {
+        self.cells.clear();
+        self.cells.resize(cells, 0);
+    }
+
+    fn add(&mut self, at_cells: f64) {
+        if at_cells >= 0.0
+            && let Some(cell) = self.cells.get_mut(at_cells as usize)
+        {
+            *cell += 1;
+        }
+    }
+
+    /// To be called when all points are in.
+    fn close(&mut self) {
+        self.around.clear();
+        let cell = |i: Option<usize>| i.and_then(|i| self.cells.get(i)).copied().unwrap_or(0);
+        let sum = |i: usize| cell(i.checked_sub(1)) + cell(Some(i)) + cell(i.checked_add(1));
+        self.around.extend((0..self.cells.len()).map(sum));
+    }
+
+    fn len(&self) -> usize {
+        self.around.len()
+    }
+
+    /// Points in a cell and its neighbours; none beyond the ends.
+    fn around(&self, i: usize) -> u64 {
+        self.around.get(i).map_or(0, |count| u64::from(*count))
+    }
 }
 
 /// Width of a histogram cell, m.
@@ -45,21 +85,15 @@ impl ColdStart {
         for step in 0..=steps {
             let roll_rad = -ROLL_MAX_RAD + f64::from(step) * ROLL_STEP_RAD;
             let (sin, cos) = roll_rad.sin_cos();
-            self.across.clear();
-            self.across.resize(across_cells, 0);
-            self.up.clear();
-            self.up.resize(up_cells, 0);
+            self.across.clear(across_cells);
+            self.up.clear(up_cells);
             for (y, z) in &self.points {
-                let (across, up) = (y * cos - z * sin, y * sin + z * cos);
-                if let Some(cell) = self.across.get_mut(((across + reach_m) / CELL_M) as usize) {
-                    *cell += 1;
-                }
-                if up > 0.0
-                    && let Some(cell) = self.up.get_mut((up / CELL_M) as usize)
-                {
-                    *cell += 1;
-                }
+                self.across
+                    .add((y * cos - z * sin + reach_m) * (1.0 / CELL_M));
+                self.up.add((y * sin + z * cos) * (1.0 / CELL_M));
             }
+            self.across.close();
+            self.up.close();
             let (walls, right_cell) = best_walls(&self.across, width_cells, gap_cells);
             let (ceiling, up_cell) = best_ceiling(&self.up, gap_cells);
             let score = walls + ceiling;
@@ -81,20 +115,11 @@ impl ColdStart {
     }
 }
 
-/// Count in a cell and its neighbours.
-fn around(cells: &[u16], i: usize) -> u64 {
-    let from = i.saturating_sub(1);
-    let to = (i + 2).min(cells.len());
-    cells
-        .get(from..to)
-        .map_or(0, |cells| cells.iter().map(|c| u64::from(*c)).sum())
-}
-
 /// The right wall's cell: where points pile up there, or one background gap behind it, and one
 /// frame width to the left of it, or one gap behind that. A reflector that the scan plane misses
 /// shows the surface behind it, which may return more beams than the reflectors do: only points at
 /// both ends together tell which is which. With one wall hidden the other decides as it can.
-fn best_walls(across: &[u16], width_cells: usize, gap_cells: Option<usize>) -> (u64, usize) {
+fn best_walls(across: &Histogram, width_cells: usize, gap_cells: Option<usize>) -> (u64, usize) {
     let middle = across.len() / 2;
     let mut best = (0.0, middle);
     // The scanner is inside: the right wall lies to the right of it, the left one to the left.
@@ -102,9 +127,9 @@ fn best_walls(across: &[u16], width_cells: usize, gap_cells: Option<usize>) -> (
         let Some(left) = right.checked_sub(width_cells) else {
             continue;
         };
-        let plates = around(across, right) + around(across, left);
+        let plates = across.around(right) + across.around(left);
         let with_behind = |cell: usize, behind: Option<usize>| {
-            around(across, cell) + behind.map_or(0, |behind| around(across, behind))
+            across.around(cell) + behind.map_or(0, |behind| across.around(behind))
         };
         let a = with_behind(right, gap_cells.map(|gap| right + gap));
         let b = with_behind(left, gap_cells.and_then(|gap| left.checked_sub(gap)));
@@ -118,13 +143,13 @@ fn best_walls(across: &[u16], width_cells: usize, gap_cells: Option<usize>) -> (
 
 /// The strip plane's cell. With a background it is where the product of the counts there and one
 /// gap behind is largest: the background alone has more points than the strips.
-fn best_ceiling(up: &[u16], gap_cells: Option<usize>) -> (u64, usize) {
+fn best_ceiling(up: &Histogram, gap_cells: Option<usize>) -> (u64, usize) {
     const FIRST: usize = 3; // nearer than 12 cm is the platform itself
     let mut best = (0, 0, 0);
     if let Some(gap) = gap_cells {
         for i in FIRST..up.len() {
-            let here = around(up, i);
-            let product = here * around(up, i + gap);
+            let here = up.around(i);
+            let product = here * up.around(i + gap);
             if product > best.0 {
                 best = (product, here, i);
             }
@@ -132,11 +157,11 @@ fn best_ceiling(up: &[u16], gap_cells: Option<usize>) -> (u64, usize) {
     }
     if best.0 == 0 {
         // Nothing behind: the nearest plane with a fair share of the points.
-        let most = (FIRST..up.len()).map(|i| around(up, i)).max().unwrap_or(0);
-        if let Some(i) = (FIRST..up.len()).find(|i| around(up, *i) * 2 > most) {
+        let most = (FIRST..up.len()).map(|i| up.around(i)).max().unwrap_or(0);
+        if let Some(i) = (FIRST..up.len()).find(|i| up.around(*i) * 2 > most) {
             let near = i..(i + 3).min(up.len());
-            let peak = near.max_by_key(|j| around(up, *j)).unwrap_or(i);
-            best = (1, around(up, peak), peak);
+            let peak = near.max_by_key(|j| up.around(*j)).unwrap_or(i);
+            best = (1, up.around(peak), peak);
         }
     }
     (best.1, best.2)
