@@ -418,6 +418,34 @@ fn two_outputs_at_one_place_are_refused() {
 }
 
 #[test]
+fn poses_without_a_component_count_for_the_others() {
+    let dir = two_runs("report-partial");
+    // Columns 3 and 8 are x and yaw.
+    edited(&dir, "joint.csv", "partial.csv", |i, line| {
+        let mut fields: Vec<&str> = line.split(',').collect();
+        if i % 100 == 5 {
+            (fields[3], fields[8]) = ("", "");
+            *fields.last_mut().unwrap() = "no-edges no-yaw";
+        }
+        fields.join(",") + "\n"
+    });
+    let ended = sh(&dir, "report --truth truth.csv partial.csv").expect(0);
+    let text = ended.text();
+    assert!(text.contains("1980 of 2000 solved (99.0 %), 20 refused, 0 lost; 20 lack a component"));
+    assert!(
+        text.contains("20 of 1980 solved poses lack a component"),
+        "{text}"
+    );
+    assert!(text.contains("x 20, yaw 20"), "{text}");
+    let ended = sh(&dir, "report --truth truth.csv --json partial.csv").expect(0);
+    let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    let run = &json["runs"][0];
+    let n = NAMES.map(|name| run[name]["n"].as_u64().unwrap());
+    assert_eq!(n, [1960, 1980, 1980, 1980, 1980, 1960]);
+    assert_eq!(run["scans"]["partial"], 20);
+}
+
+#[test]
 fn a_reader_that_leaves_is_no_fault() {
     let dir = two_runs("report-head");
     let ended = sh(&dir, "report --truth truth.csv --json joint.csv | head -1").expect(0);
