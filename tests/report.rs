@@ -323,6 +323,129 @@ fn a_wrong_command_line_says_what_is_right() {
 }
 
 #[test]
+fn poses_are_not_compared_with_themselves() {
+    let dir = two_runs("report-itself");
+    let gate = "--fail-if 'x.rms_mm>4'";
+    for line in [
+        format!("report joint.csv {gate}"),
+        format!("report - {gate} < joint.csv"),
+        format!("report {gate} < joint.csv"),
+        format!("cat joint.csv | report {gate}"),
+        format!("report {gate} joint.csv vote.csv"),
+    ] {
+        let ended = sh(&dir, &line).expect(2);
+        says(
+            &ended,
+            "without --truth or --desired, the first run must be MCAP with /truth",
+        );
+        assert!(ended.stdout.is_empty(), "{line}: {}", ended.text());
+    }
+}
+
+#[test]
+fn an_mcap_stream_is_compared_with_its_own_truth_or_not_at_all() {
+    let dir = scratch("report-mcap");
+    let run = "simulate -f frame.toml --n-scans 30";
+    let stages = "extract-lines -f frame.toml | solve-pose -f frame.toml";
+    sh(&dir, &format!("{run} --format mcap | {stages} > run.mcap")).expect(0);
+    for line in ["report --json run.mcap", "cat run.mcap | report --json"] {
+        let ended = sh(&dir, line).expect(0);
+        let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+        assert_eq!(json["reference"]["role"], "truth", "{line}");
+        let run = &json["runs"][0];
+        assert_eq!(run["matching"]["matched"], run["scans"]["solved"], "{line}");
+        assert!(run["y"]["rms_mm"].as_f64().unwrap() > 0.0, "{line}");
+    }
+    sh(&dir, &format!("{run} | {stages} --format mcap > none.mcap")).expect(0);
+    for line in ["report none.mcap", "cat none.mcap | report"] {
+        let ended = sh(&dir, line).expect(2);
+        says(&ended, "the first run must be MCAP with /truth");
+    }
+}
+
+#[test]
+fn outputs_keep_what_they_are_given() {
+    use std::os::unix::fs::FileTypeExt;
+    let dir = two_runs("report-outputs");
+    sh(&dir, "report --truth truth.csv joint.csv > table.txt").expect(0);
+    let table = fs::read_to_string(dir.join("table.txt")).unwrap();
+    let line = "mkfifo page table && { cat page > page.html & cat table > copy.txt & } && \
+                timeout 60 report --truth truth.csv --html page -o table joint.csv && wait";
+    sh(&dir, line).expect(0);
+    for name in ["page", "table"] {
+        let kind = fs::symlink_metadata(dir.join(name)).unwrap().file_type();
+        assert!(kind.is_fifo(), "{name} is a FIFO still");
+        assert!(!dir.join(format!("{name}.partial")).exists());
+    }
+    let page = fs::read_to_string(dir.join("page.html")).unwrap();
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
+    let copy = fs::read_to_string(dir.join("copy.txt")).unwrap();
+    assert_eq!(copy, table);
+    // A link stays a link, whether its target is there (old) or not yet (new, by way of another).
+    let line = "mkdir out && echo old > out/old && ln -s out/old here && \
+                ln -s new out/hop && ln -s out/hop there && \
+                report --truth truth.csv --html here -o there joint.csv";
+    sh(&dir, line).expect(0);
+    for name in ["here", "there", "out/hop"] {
+        assert!(dir.join(name).is_symlink(), "{name} is a link still");
+    }
+    let written = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
+    assert!(written("out/old").starts_with("<!DOCTYPE html>"));
+    assert_eq!(written("out/new"), table);
+}
+
+#[test]
+fn two_outputs_at_one_place_are_refused() {
+    let dir = two_runs("report-same");
+    sh(&dir, "mkdir out && ln -s same link").expect(0);
+    for (page, table) in [
+        ("same", "same"),
+        ("same", "out/../same"),
+        ("link", "./same"),
+    ] {
+        let line = format!("report --truth truth.csv --html {page} -o {table} joint.csv");
+        says(
+            &sh(&dir, &line).expect(2),
+            "--html and -o name the same output",
+        );
+        assert!(!dir.join("same").exists());
+    }
+    sh(
+        &dir,
+        "report --truth truth.csv --html same -o out/same joint.csv",
+    )
+    .expect(0);
+}
+
+#[test]
+fn poses_without_a_component_count_for_the_others() {
+    let dir = two_runs("report-partial");
+    // Columns 3 and 8 are x and yaw.
+    edited(&dir, "joint.csv", "partial.csv", |i, line| {
+        let mut fields: Vec<&str> = line.split(',').collect();
+        if i % 100 == 5 {
+            (fields[3], fields[8]) = ("", "");
+            *fields.last_mut().unwrap() = "no-edges no-yaw";
+        }
+        fields.join(",") + "\n"
+    });
+    let ended = sh(&dir, "report --truth truth.csv partial.csv").expect(0);
+    let text = ended.text();
+    assert!(text.contains("1980 of 2000 solved (99.0 %), 20 refused, 0 lost; 20 lack a component"));
+    assert!(
+        text.contains("20 of 1980 solved poses lack a component"),
+        "{text}"
+    );
+    assert!(text.contains("x 20, yaw 20"), "{text}");
+    let ended = sh(&dir, "report --truth truth.csv --json partial.csv").expect(0);
+    let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    let run = &json["runs"][0];
+    let n = NAMES.map(|name| run[name]["n"].as_u64().unwrap());
+    assert_eq!(n, [1960, 1980, 1980, 1980, 1980, 1960]);
+    assert_eq!(run["scans"]["partial"], 20);
+}
+
+#[test]
 fn a_reader_that_leaves_is_no_fault() {
     let dir = two_runs("report-head");
     let ended = sh(&dir, "report --truth truth.csv --json joint.csv | head -1").expect(0);

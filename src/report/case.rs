@@ -4,6 +4,7 @@ use super::association::{Matching, Reference};
 use super::axis::{AXES, POSITION};
 use super::consistency::{Consistency, GROUPS, nees};
 use super::gate::Verdict;
+use super::measured::{counts_by_name, lacking, measured};
 use super::number;
 use super::scans::Scans;
 use super::statistics::{Statistics, wrap_angle};
@@ -199,14 +200,14 @@ impl Gathered {
         let mut samples = Vec::new();
         for (index, pose) in poses.iter().enumerate() {
             let found = reference.at(pose.stamp);
-            if pose.is_solved() {
+            if lacking(pose).is_some() {
                 matching.add(&found);
             }
             if let Ok((truth, _)) = found {
                 samples.push(Sample {
                     pose: index as u32,
                     reference: truth,
-                    error: error(&pose.components(), &truth),
+                    error: error(&measured(pose), &truth),
                 });
             }
         }
@@ -353,7 +354,14 @@ fn axis(run: &Gathered, samples: &[&Sample], index: usize, time: (Stamp, Stamp))
     let limit = super::scale::above(statistics.max.min(1.5 * statistics.p99));
     AxisResult {
         statistics,
-        consistency: Consistency::of(&squares, 1),
+        consistency: Consistency {
+            left_out: if index < POSITION {
+                errors.len() - squares.len()
+            } else {
+                0
+            },
+            ..Consistency::of(&squares, 1)
+        },
         within: within.map(|count| count as f64 / squares.len() as f64),
         histogram: Histogram::of(&errors, limit),
         trace,
@@ -361,12 +369,17 @@ fn axis(run: &Gathered, samples: &[&Sample], index: usize, time: (Stamp, Stamp))
 }
 
 fn group(run: &Gathered, samples: &[&Sample], group: usize) -> Consistency {
-    let dof = GROUPS.get(group).map_or(1, |(_, state)| state.len());
+    let state = GROUPS.get(group).map_or(&[][..], |(_, state)| state);
+    let measured = |s: &&&Sample| state.iter().all(|i| s.error[*i].is_finite());
+    let samples = samples.iter().filter(measured);
     let squares: Vec<f64> = samples
-        .iter()
+        .clone()
         .filter_map(|s| nees(run.pose(s)?, &s.error, group))
         .collect();
-    Consistency::of(&squares, dof)
+    Consistency {
+        left_out: samples.count() - squares.len(),
+        ..Consistency::of(&squares, state.len())
+    }
 }
 
 /// What a reader of the figures should know.
@@ -414,10 +427,38 @@ fn notes(case: &Case, reference: &Reference) -> Vec<String> {
         "pose falls between two reference points that the platform cannot have moved between",
         "poses fall between reference points that the platform cannot have moved between",
     );
+    if scans.partial > 0 {
+        notes.push(format!(
+            "{} of {} solved poses lack a component and do not count for it (only for the others): {}",
+            number::count(scans.partial),
+            number::count(scans.solved),
+            counts_by_name(&scans.lacking)
+        ));
+    }
+    notes.extend(left_out_of_nees(case));
     if case.is_empty() {
         notes.push(nothing_to_compare(case, reference));
     }
     notes
+}
+
+/// How many measured poses the consistency leaves out because their covariance cannot be used.
+fn left_out_of_nees(case: &Case) -> Option<String> {
+    let singles = AXES.iter().zip(&case.axes);
+    let singles = singles.map(|(axis, result)| (axis.name, &result.consistency));
+    let groups = GROUPS.iter().zip(&case.groups);
+    let groups = groups.map(|((name, _), consistency)| (*name, consistency));
+    let named: Vec<String> = singles
+        .chain(groups)
+        .filter(|(_, consistency)| consistency.left_out > 0)
+        .map(|(name, c)| format!("{name} {}", number::count(c.left_out)))
+        .collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "poses whose variance is missing or not positive are left out of the NEES: {}",
+            named.join(", ")
+        )
+    })
 }
 
 /// Why no pose could be compared.
@@ -563,6 +604,77 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn components_that_a_status_disowns_are_not_scored() {
+        let reference = truth(2000);
+        let mut odd = run("a", &reference, 2000, 1.0);
+        for (i, pose) in odd.poses.iter_mut().enumerate() {
+            match i % 50 {
+                // Without edges nothing says where x is; a number that stands there is no measurement.
+                0 => {
+                    pose.status = Status::NO_EDGES | Status::NO_YAW;
+                    pose.position_m[0] = f64::NAN;
+                    pose.rotation_rad[2] = 1.0;
+                }
+                1 => {
+                    pose.status = Status::NO_YAW;
+                    pose.rotation_rad[2] = f64::NAN;
+                }
+                2 => {
+                    pose.status = Status::NO_POSE;
+                    pose.position_m[1] = 100.0;
+                }
+                _ => {}
+            }
+        }
+        let case = &evaluate(vec![odd], &reference, &Settings::default())[0];
+        let n = |i: usize| case.axes[i].statistics.n;
+        let n: Vec<usize> = (0..AXES.len()).map(n).collect();
+        // Of 2000: 40 refused by the run itself, 40 by the loop above.
+        assert_eq!(AXES[POSITION].name, "position");
+        assert_eq!(n[..6], [1880, 1920, 1920, 1920, 1920, 1840]);
+        assert_eq!(n[POSITION], 1880);
+        assert!(case.axes.iter().all(|a| a.statistics.max < 0.006));
+        assert_eq!([0, 1, 2].map(|k| case.groups[k].n), [1840, 1880, 1840]);
+        let scans = &case.scans;
+        assert_eq!(
+            (scans.solved, scans.partial, scans.refused()),
+            (1920, 80, 80)
+        );
+        assert_eq!(case.matching.matched(), 1920);
+        let note = "80 of 1920 solved poses lack a component and do not count for it (only for the \
+                    others): x 40, yaw 80";
+        assert!(case.notes.iter().any(|n| n == note), "{:?}", case.notes);
+    }
+
+    #[test]
+    fn variances_that_cannot_be_used_are_counted() {
+        let reference = truth(2000);
+        let mut odd = run("a", &reference, 2000, 1.0);
+        odd.poses[0].covariance[upper_index(6, 0, 0)] = -1e-6;
+        odd.poses[1].covariance[upper_index(6, 0, 0)] = f64::NAN;
+        odd.poses[2].covariance[upper_index(6, 5, 5)] = 0.0;
+        // Each variance is sound, but x and yaw would be correlated by more than 1.
+        odd.poses[3].covariance[upper_index(6, 0, 5)] = 1e-5;
+        let case = &evaluate(vec![odd], &reference, &Settings::default())[0];
+        let consistency = |i: usize| {
+            (
+                case.axes[i].consistency.n,
+                case.axes[i].consistency.left_out,
+            )
+        };
+        assert_eq!(consistency(0), (1958, 2));
+        assert_eq!(consistency(1), (1960, 0));
+        assert_eq!(consistency(5), (1959, 1));
+        assert_eq!(consistency(POSITION), (0, 0));
+        let groups = [0, 1, 2].map(|k| (case.groups[k].n, case.groups[k].left_out));
+        assert_eq!(groups, [(1956, 4), (1958, 2), (1956, 4)]);
+        let note = "poses whose variance is missing or not positive are left out of the NEES: \
+                    x 2, yaw 1, x_yaw 4, position 2, pose 4";
+        assert_eq!(case.notes, [note]);
+        assert_eq!(case.axes[0].statistics.n, 1960, "the errors count");
+    }
+
+    #[test]
     fn yaw_is_wrapped() {
         let point = TrajectoryPoint {
             position_m: [0.0; 3],
@@ -594,6 +706,7 @@ pub(super) mod tests {
         run.poses.push(Pose {
             stamp: Stamp::from_ns(10_000 * MS),
             position_m: [0.0; 3],
+            rotation_rad: [0.0; 3],
             seq: 40,
             ..Pose::default()
         });

@@ -22,6 +22,8 @@ pub struct Consistency {
     pub dof: usize,
     /// Poses with a covariance.
     pub n: usize,
+    /// Measured poses whose covariance is missing, or not positive (definite).
+    pub left_out: usize,
     /// Number of independent poses that would tell as much: see [`effective_number`].
     pub effective_n: f64,
     /// Mean NEES divided by `dof`.
@@ -46,6 +48,7 @@ impl Consistency {
         Consistency {
             dof,
             n,
+            left_out: 0,
             effective_n,
             nees: nees.iter().sum::<f64>() / (n * dof) as f64,
             low: band(-1.959_964),

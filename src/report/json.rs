@@ -169,6 +169,7 @@ fn scans_tree(case: &Case) -> Tree {
     object([
         ("rows", Tree::Count(scans.rows)),
         ("solved", Tree::Count(scans.solved)),
+        ("partial", Tree::Count(scans.partial)),
         ("refused", Tree::Count(scans.refused())),
         ("lost", Tree::Count(scans.lost)),
         ("solved_pct", Tree::Number(scans.solved_pct())),

@@ -20,6 +20,7 @@ mod consistency;
 mod figure;
 mod gate;
 pub mod json;
+mod measured;
 mod number;
 pub mod origin;
 pub mod page;

@@ -437,6 +437,7 @@ fn scan_table(case: &Case) -> Markup {
             (count(scans.solved)) " of " (count(total)) " scans solved ("
             (fixed(scans.solved_pct(), 2)) " %), " (count(scans.refused())) " refused, "
             (count(scans.lost)) " lost"
+            @if scans.partial > 0 { "; " (count(scans.partial)) " lack a component" }
             @for (what, spread) in spreads {
                 @if let Some(s) = spread.filter(|s| s.max > 0) {
                     "; " (what) " " (s.min) " to " (s.max) ", mean " (fixed(s.mean, 1))

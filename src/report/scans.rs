@@ -1,5 +1,6 @@
 //! What became of every scan: solved, solved with a remark, refused and why, lost on the way.
 
+use super::measured::lacking;
 use crate::record::{Pose, Status};
 use std::collections::BTreeMap;
 
@@ -30,8 +31,12 @@ pub struct Tally {
 pub struct Scans {
     /// Rows, one a scan.
     pub rows: usize,
-    /// Rows with a pose.
+    /// Rows with a pose, in whole or in part.
     pub solved: usize,
+    /// Of these, rows without one or more of the six components.
+    pub partial: usize,
+    /// Solved rows without x, y, z, roll, pitch, yaw.
+    pub lacking: [usize; 6],
     /// Scans that have no row: gaps in the sequence numbers.
     pub lost: usize,
     /// Rows without a pose whose status does not say so.
@@ -54,9 +59,15 @@ impl Scans {
         let (mut edges, mut votes) = (Spreading::default(), Spreading::default());
         let mut previous = None;
         for pose in poses {
-            let solved = pose.is_solved();
+            let lacking = lacking(pose);
+            let solved = lacking.is_some();
             scans.rows += 1;
             scans.solved += usize::from(solved);
+            let lacks = lacking.unwrap_or_default();
+            scans.partial += usize::from(lacks.contains(&true));
+            for (count, lacks) in scans.lacking.iter_mut().zip(lacks) {
+                *count += usize::from(lacks);
+            }
             scans.unexplained += usize::from(!solved && !pose.status.has(Status::NO_POSE));
             let tally = statuses.entry((pose.status.bits(), solved));
             tally.or_insert((pose.status, 0)).1 += 1;
@@ -181,6 +192,23 @@ mod tests {
         let edges = scans.edges.unwrap();
         assert_eq!((edges.min, edges.mean, edges.max), (8, 8.0, 8));
         assert_eq!(scans.votes.unwrap().max, 15);
+    }
+
+    #[test]
+    fn a_pose_without_some_components_is_solved_in_part() {
+        let rows = [
+            pose(1, 0.0, Status::NO_EDGES | Status::NO_YAW),
+            pose(2, 0.0, Status::NO_YAW),
+            pose(3, f64::NAN, Status::NO_POSE),
+        ]
+        .map(|pose| Pose {
+            rotation_rad: [pose.position_m[0]; 3],
+            ..pose
+        });
+        let scans = Scans::of(rows.iter());
+        assert_eq!((scans.solved, scans.partial, scans.refused()), (2, 2, 1));
+        assert_eq!(scans.lacking, [1, 0, 0, 0, 0, 2]);
+        assert!(scans.statuses.iter().filter(|t| t.solved).count() == 2);
     }
 
     #[test]

@@ -88,24 +88,32 @@ impl Text {
     fn errors(&mut self, case: &Case, unit: &str) {
         let titles = ["bias", "std", "rms", "median", "MAD", "p95", "p99", "max"];
         let most = case.axes.iter().map(|a| a.statistics.n).max().unwrap_or(0);
-        let mut header = name(&format!("error, {unit}"));
-        for title in titles {
-            header.push_str(&cell(title));
-        }
-        header.push_str("   over the run");
-        self.header(&header);
+        let mut rows = Rows::default();
+        rows.add(
+            &format!("error, {unit}"),
+            titles,
+            "   over the run".to_owned(),
+        );
         for (axis, result) in AXES.iter().zip(&case.axes).filter(|(a, _)| a.unit == unit) {
             let s = result.statistics.scaled(axis.factor);
             let values = [s.bias, s.std, s.rms, s.median, s.mad, s.p95, s.p99, s.max];
-            let mut line = name(axis.name);
-            for value in values {
-                line.push_str(&cell(&fixed(value, axis.decimals)));
-            }
-            let _ = write!(line, "   {}", spark(&result.trace.means(SPARK)));
+            let mut end = format!("   {}", spark(&result.trace.means(SPARK)));
             if s.n < most {
-                let _ = write!(line, "  n {}", count(s.n));
+                let _ = write!(end, "  n {}", count(s.n));
             }
-            self.line(&line);
+            rows.add(axis.name, values.map(|v| fixed(v, axis.decimals)), end);
+        }
+        self.rows(&rows, true);
+    }
+
+    /// A table, its first row as a header if wanted, and a blank line.
+    fn rows(&mut self, rows: &Rows, header: bool) {
+        for (i, line) in rows.lines().iter().enumerate() {
+            if header && i == 0 {
+                self.header(line);
+            } else {
+                self.line(line);
+            }
         }
         self.out.push('\n');
     }
@@ -119,10 +127,10 @@ impl Text {
         if all.iter().all(|(_, c)| c.n == 0) {
             return;
         }
+        let mut rows = Rows::default();
         let mut row = |title: &str, value: &dyn Fn(usize, &Consistency) -> String| {
-            let cells = all.iter().enumerate().map(|(i, (_, c))| cell(&value(i, c)));
-            let line = name(title) + &cells.collect::<String>();
-            self.line(&line);
+            let cells = all.iter().enumerate().map(|(i, (_, c))| value(i, c));
+            rows.add(title, cells, String::new());
         };
         row("NEES / dof", &|i, _| {
             all.get(i).map_or(String::new(), |(n, _)| (*n).to_owned())
@@ -140,7 +148,7 @@ impl Text {
                 },
             );
         }
-        self.out.push('\n');
+        self.rows(&rows, false);
     }
 
     fn workspace(&mut self, case: &Case, style: Style) {
@@ -160,25 +168,21 @@ impl Text {
     /// One component's rms by cell: y across, z up.
     fn cells(&mut self, cells: &Cells, k: usize, axis: &Axis) {
         let [ny, nz] = cells.layout.count;
-        let mut header = name(&format!("{} rms, {}", axis.name, axis.unit));
-        for column in 0..ny {
-            let [y, _] = cells.layout.centre_m(column);
-            header.push_str(&cell(&fixed(y, 2)));
-        }
-        header.push_str("   y, m");
-        self.header(&header);
+        let mut rows = Rows::default();
+        let ys = (0..ny).map(|column| fixed(cells.layout.centre_m(column)[0], 2));
+        let title = format!("{} rms, {}", axis.name, axis.unit);
+        rows.add(&title, ys, "   y, m".to_owned());
         for row in (0..nz).rev() {
             let [_, z] = cells.layout.centre_m(row * ny);
-            let mut line = name(&format!("z {} m", fixed(z, 2)));
-            for column in 0..ny {
+            let values = (0..ny).map(|column| {
                 let filled = cells.cells.get(row * ny + column);
                 let filled = filled.filter(|c| c.n >= cells.layout.few);
                 let value = filled.map(|c| fixed(c.rms(k) * axis.factor, axis.decimals));
-                line.push_str(&cell(&value.unwrap_or_default()));
-            }
-            self.line(&line);
+                value.unwrap_or_default()
+            });
+            rows.add(&format!("z {} m", fixed(z, 2)), values, String::new());
         }
-        self.out.push('\n');
+        self.rows(&rows, true);
     }
 
     fn scans(&mut self, case: &Case) {
@@ -193,6 +197,9 @@ impl Text {
             count(scans.refused()),
             count(scans.lost)
         );
+        if scans.partial > 0 {
+            let _ = write!(line, "; {} lack a component", count(scans.partial));
+        }
         for (what, spread) in [("edges", scans.edges), ("votes", scans.votes)] {
             if let Some(s) = spread.filter(|s| s.max > 0) {
                 let mean = fixed(s.mean, 1);
@@ -224,28 +231,67 @@ impl Text {
     fn comparison(&mut self, cases: &[Case]) {
         let longest = cases.iter().map(|c| c.name().chars().count()).max();
         let width = longest.unwrap_or(0).max(COLUMN) + 2;
-        let mut header = name("side by side");
-        header.push_str("    ");
+        // All values' columns are alike, however short the name of one run.
+        let wide = |text: String| format!("{text:>width$}");
+        let mut rows = Rows::default();
+        let mut cells = Vec::new();
         for (i, case) in cases.iter().enumerate() {
-            let _ = write!(header, "{:>width$}", case.name());
-            if i > 0 {
-                let _ = write!(header, "{:>COLUMN$}", "change");
-            }
+            cells.push(wide(case.name()));
+            cells.extend((i > 0).then(|| "change".to_owned()));
         }
-        self.header(&header);
+        rows.add(
+            &format!("{:<w$}", "side by side", w = NAME + 4),
+            cells,
+            String::new(),
+        );
         for row in comparison_rows() {
             let first = cases.first().map_or(f64::NAN, |c| (row.value)(c));
-            let mut line = format!("{:<w$}", row.title, w = NAME + 4);
+            let mut cells = Vec::new();
             for (i, case) in cases.iter().enumerate() {
                 let value = (row.value)(case);
-                let _ = write!(line, "{:>width$}", fixed(value, row.decimals));
-                if i > 0 {
-                    let _ = write!(line, "{:>COLUMN$}", change(first, value));
-                }
+                cells.push(wide(fixed(value, row.decimals)));
+                cells.extend((i > 0).then(|| change(first, value)));
             }
-            self.line(&line);
+            rows.add(
+                &format!("{:<w$}", row.title, w = NAME + 4),
+                cells,
+                String::new(),
+            );
         }
-        self.out.push('\n');
+        self.rows(&rows, true);
+    }
+}
+
+/// A table: a name, right-aligned columns and what follows them, row by row.
+#[derive(Default)]
+struct Rows(Vec<(String, Vec<String>, String)>);
+
+impl Rows {
+    fn add<T: Into<String>>(
+        &mut self,
+        title: &str,
+        cells: impl IntoIterator<Item = T>,
+        end: String,
+    ) {
+        let cells = cells.into_iter().map(Into::into).collect();
+        self.0.push((name(title), cells, end));
+    }
+
+    /// The rows as text: every column as wide as its widest cell wants it, a blank before it included.
+    fn lines(&self) -> Vec<String> {
+        let wide = |k: usize| {
+            let cells = self.0.iter().filter_map(|(_, cells, _)| cells.get(k));
+            let widths = cells.map(|text| 1 + text.trim_start().chars().count());
+            widths.max().unwrap_or(0).max(COLUMN)
+        };
+        let columns = self.0.iter().map(|(_, cells, _)| cells.len()).max();
+        let widths: Vec<usize> = (0..columns.unwrap_or(0)).map(wide).collect();
+        let line = |(title, cells, end): &(String, Vec<String>, String)| {
+            let cells = cells.iter().zip(&widths);
+            let cells: String = cells.map(|(text, w)| format!("{text:>w$}")).collect();
+            format!("{title}{cells}{end}")
+        };
+        self.0.iter().map(line).collect()
     }
 }
 
@@ -329,10 +375,6 @@ fn name(text: &str) -> String {
     format!("{text:<NAME$}")
 }
 
-fn cell(text: &str) -> String {
-    format!("{text:>COLUMN$}")
-}
-
 /// Values as bars from the smallest to the largest; a blank where there is none.
 fn spark(values: &[f64]) -> String {
     let finite = || values.iter().copied().filter(|v| v.is_finite());
@@ -355,6 +397,21 @@ fn spark(values: &[f64]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn columns_never_run_together() {
+        let mut rows = Rows::default();
+        rows.add("NEES / dof", ["yaw", "x+yaw", "pose"], String::new());
+        let large = [0.93, 16_839.02, 10_881.72].map(|v| fixed(v, 2));
+        rows.add("mean", large, String::new());
+        assert_eq!(
+            rows.lines(),
+            [
+                "NEES / dof        yaw     x+yaw      pose",
+                "mean             0.93 16,839.02 10,881.72",
+            ]
+        );
+    }
 
     #[test]
     fn sparks() {

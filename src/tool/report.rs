@@ -1,6 +1,7 @@
 //! report: error statistics of poses against a true or desired trajectory.
 
 mod inputs;
+mod outputs;
 
 use super::common::{CommonArgs, parse_duration};
 use crate::report::{
@@ -8,7 +9,6 @@ use crate::report::{
     page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
-use anyhow::Context;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -114,17 +114,20 @@ fn parse_association(text: &str) -> Result<Association, String> {
 /// As every tool's: what cannot be read or written, or makes no sense.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
+    let table = args.common.output.as_deref();
+    let table = table.filter(|path| *path != Path::new("-"));
+    outputs::refuse_one_place(args.html.as_deref(), table)?;
     let report = make(&args, &options)?;
     if let Some(path) = &args.html {
-        write_file(path, &page::write(&report))?;
+        outputs::write(path, &page::write(&report))?;
     }
     let text = if args.json {
         json::write(&report)?
     } else {
         terminal::write(&report, style(&args))
     };
-    match &args.common.output {
-        Some(path) => write_file(path, &text)?,
+    match table {
+        Some(path) => outputs::write(path, &text)?,
         None => {
             let mut out = std::io::stdout().lock();
             out.write_all(text.as_bytes())?;
@@ -148,12 +151,12 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         ),
     };
     let given = args.truth.is_some() || args.desired.is_some();
-    let (runs, points) =
-        inputs::read(&sources, &path, role, options).map_err(|error| match given {
-            true => error,
-            false => error
-                .context("without --truth or --desired, the first run must be MCAP with /truth"),
-        })?;
+    let wanted = inputs::Wanted {
+        path: &path,
+        role,
+        given,
+    };
+    let (runs, points) = inputs::read(&sources, wanted, options)?;
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
@@ -206,16 +209,6 @@ fn style(args: &Args) -> terminal::Style {
         ascii: args.ascii || !utf8,
         all_cells: args.cells,
     }
-}
-
-/// Writes a file under a temporary name and renames it when it is whole.
-fn write_file(path: &Path, text: &str) -> anyhow::Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
-    let name = || path.display().to_string();
-    std::fs::write(&partial, text).with_context(name)?;
-    std::fs::rename(&partial, path).with_context(name)
 }
 
 /// Says on stderr what a reader of the outputs must not miss, and which status that is.

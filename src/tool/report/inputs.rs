@@ -2,19 +2,30 @@
 
 use crate::record::{Pose, TrajectoryPoint};
 use crate::report::{Run, origin};
-use crate::stream::{Input, Options, Role, StreamCopy, Window, copies};
+use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies};
 use std::path::Path;
 use std::thread;
+
+/// What the runs are to be compared with.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted<'a> {
+    /// Where it is.
+    pub(super) path: &'a Path,
+    /// Which trajectory of an MCAP stream.
+    pub(super) role: Role,
+    /// Whether the command line names it; otherwise it is looked for in the first run's stream.
+    pub(super) given: bool,
+}
 
 /// Reads all inputs: first what comes through pipes, all at the same time, because they may be
 /// branches of one pipeline, where a branch that is not read holds up the others; then files, which
 /// the same pipeline may still have been writing (`simulate --truth T | .. | report --truth T`).
 pub(super) fn read(
     sources: &[origin::Source],
-    reference: &Path,
-    role: Role,
+    wanted: Wanted<'_>,
     options: &Options,
 ) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
+    let reference = wanted.path;
     let shared = sources.iter().position(|s| s.path == reference);
     let mut halves = match shared.filter(|_| is_pipe(reference)) {
         Some(_) => copies(Some(reference))?.map(Some),
@@ -25,10 +36,10 @@ pub(super) fn read(
     for pipes in [true, false] {
         thread::scope(|scope| {
             let [of_run, of_reference] = &mut halves;
-            let wanted = is_pipe(reference) == pipes;
-            let half = of_reference.take();
-            let reading =
-                wanted.then(|| scope.spawn(|| read_reference(reference, half, role, options)));
+            let reading = (is_pipe(reference) == pipes).then(|| {
+                let half = of_reference.take();
+                scope.spawn(move || read_reference(wanted, half, options))
+            });
             let mut threads = Vec::new();
             for (i, source) in sources.iter().enumerate() {
                 if is_pipe(&source.path) == pipes {
@@ -67,12 +78,14 @@ fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow:
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
+/// The reference's points. Poses have a trajectory's columns, so that a run in CSV could be read as
+/// one and compared with itself: where none is given, only a trajectory of its own in MCAP will do.
 fn read_reference(
-    path: &Path,
+    wanted: Wanted<'_>,
     half: Option<StreamCopy>,
-    role: Role,
     options: &Options,
 ) -> anyhow::Result<Vec<TrajectoryPoint>> {
+    let Wanted { path, role, given } = wanted;
     let mut input = match half {
         Some(bytes) => {
             let mut all = options.clone();
@@ -81,11 +94,29 @@ fn read_reference(
         }
         None => Input::open_trajectory(Some(path), role, options)?,
     };
-    let mut points = Vec::new();
-    while let Some(point) = input.next()? {
-        points.push(*point);
+    if !given && input.encoding() == Encoding::Csv {
+        return Err(no_reference("it is CSV"));
     }
-    Ok(points)
+    let mut points = Vec::new();
+    loop {
+        match input.next() {
+            Ok(Some(point)) => points.push(*point),
+            Ok(None) => return Ok(points),
+            Err(error) if !given && points.is_empty() && is_bad_data(&error) => {
+                return Err(no_reference(&error.to_string()));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+fn is_bad_data(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(Fault::BadData(_)))
+}
+
+fn no_reference(why: &str) -> anyhow::Error {
+    let wanted = "without --truth or --desired, the first run must be MCAP with /truth";
+    Fault::Usage(format!("{wanted}: {why}")).into()
 }
 
 fn read_run(

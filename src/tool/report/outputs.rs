@@ -1,0 +1,71 @@
+//! report's outputs: a file gets its name when it is whole; what is no file is written in place.
+
+use crate::stream::Fault;
+use anyhow::Context;
+use std::ffi::OsString;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Symbolic links followed from one name to a file; as many as Linux follows.
+const LINKS: usize = 40;
+
+/// Refuses a page and a table at one place, where the second would take the first one's.
+pub(super) fn refuse_one_place(page: Option<&Path>, table: Option<&Path>) -> Result<(), Fault> {
+    let (Some(page), Some(table)) = (page, table) else {
+        return Ok(());
+    };
+    if place(page) != place(table) {
+        return Ok(());
+    }
+    let name = page.display();
+    Err(Fault::Usage(format!(
+        "--html and -o name the same output, {name}: each needs one of its own"
+    )))
+}
+
+/// Writes a file under a temporary name and renames it when it is whole. What is there already and
+/// is no regular file (a FIFO, a device) is written in place; of a symbolic link, the file that it
+/// leads to is written.
+pub(super) fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    let name = || path.display().to_string();
+    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
+        let mut file = fs::OpenOptions::new()
+            .write(true)
+            .open(path)
+            .with_context(name)?;
+        return file.write_all(text.as_bytes()).with_context(name);
+    }
+    let target = linked(path);
+    let mut partial = OsString::from(&target);
+    partial.push(".partial");
+    let partial = PathBuf::from(partial);
+    fs::write(&partial, text).with_context(name)?;
+    fs::rename(&partial, target).with_context(name)
+}
+
+/// Where a chain of symbolic links leads, whether there is a file yet or not.
+fn linked(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        let Ok(target) = fs::read_link(&path) else {
+            break;
+        };
+        path = match path.parent() {
+            Some(folder) => folder.join(target),
+            None => target,
+        };
+    }
+    path
+}
+
+/// One name for a file, however its path is written.
+fn place(path: &Path) -> PathBuf {
+    let path = linked(path);
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let folder = fs::canonicalize(folder.unwrap_or(Path::new(".")));
+    match (folder, path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path,
+    }
+}
