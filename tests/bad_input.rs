@@ -81,6 +81,32 @@ fn a_truncated_row() {
     }
 }
 
+/// What a program that was killed leaves: a number that only looks whole.
+#[test]
+fn a_row_that_is_cut_off_in_its_last_number() {
+    let dir = a_run("bad-cut-number");
+    for (file, tool, rows) in [
+        ("scans.csv", "extract-lines -f frame.toml", SCANS),
+        ("lines.csv", "solve-pose -f frame.toml", SCANS),
+    ] {
+        let text = fs::read(dir.join(file)).unwrap();
+        let good = sh(&dir, &format!("{tool} {file}")).expect(0);
+        for less in [1, 2] {
+            fs::write(dir.join("cut.csv"), &text[..text.len() - less]).unwrap();
+            for from in ["cut.csv", "- < cut.csv"] {
+                let name = if from == "cut.csv" { from } else { "stdin" };
+                let line = format!("{name}:{}: ", rows + 1);
+                let cut = sh(&dir, &format!("{tool} {from}")).expect(65);
+                assert_says(&cut, &[&line, "cut off"]);
+                assert_eq!(cut.rows(), good.rows()[..rows - 1]);
+                let skipped = sh(&dir, &format!("{tool} --skip-bad {from}")).expect(3);
+                assert_says(&skipped, &["1 bad record skipped", &line]);
+                assert_eq!(skipped.rows(), good.rows()[..rows - 1]);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_wrong_number_of_ranges() {
     let dir = a_run("bad-ranges");
