@@ -5,7 +5,7 @@
 //! with single spaces between its items. Every row ends with a line feed; one that does not has been
 //! cut off. Lines that start with `#` are passed over.
 
-use super::check::{BadField, ListLengths, StreamRecord};
+use super::check::{BadField, Checks, ListLengths, StreamRecord};
 use super::exit::Fault;
 use super::kinds;
 use crate::record::{Presence, Record, Value, Visit, VisitMut};
@@ -39,6 +39,7 @@ pub(super) struct CsvReader<R> {
     /// Where each of the record's columns stands in a row.
     fields: Vec<Option<usize>>,
     record: R,
+    checks: Checks,
     /// Whether the input has ended.
     at_end: Rc<Cell<bool>>,
 }
@@ -92,6 +93,7 @@ impl<R: StreamRecord> CsvReader<R> {
             reader,
             row: header,
             record: R::default(),
+            checks: Checks::default(),
             at_end,
         })
     }
@@ -134,7 +136,7 @@ impl<R: StreamRecord> CsvReader<R> {
             lists: ListLengths::new(R::PARALLEL_LISTS),
         };
         self.record.visit_mut(&mut fill)?;
-        self.record.check()
+        self.checks.check(&self.record)
     }
 }
 
