@@ -81,6 +81,32 @@ fn a_truncated_row() {
     }
 }
 
+/// What a program that was killed leaves: a number that only looks whole.
+#[test]
+fn a_row_that_is_cut_off_in_its_last_number() {
+    let dir = a_run("bad-cut-number");
+    for (file, tool, rows) in [
+        ("scans.csv", "extract-lines -f frame.toml", SCANS),
+        ("lines.csv", "solve-pose -f frame.toml", SCANS),
+    ] {
+        let text = fs::read(dir.join(file)).unwrap();
+        let good = sh(&dir, &format!("{tool} {file}")).expect(0);
+        for less in [1, 2] {
+            fs::write(dir.join("cut.csv"), &text[..text.len() - less]).unwrap();
+            for from in ["cut.csv", "- < cut.csv"] {
+                let name = if from == "cut.csv" { from } else { "stdin" };
+                let line = format!("{name}:{}: ", rows + 1);
+                let cut = sh(&dir, &format!("{tool} {from}")).expect(65);
+                assert_says(&cut, &[&line, "cut off"]);
+                assert_eq!(cut.rows(), good.rows()[..rows - 1]);
+                let skipped = sh(&dir, &format!("{tool} --skip-bad {from}")).expect(3);
+                assert_says(&skipped, &["1 bad record skipped", &line]);
+                assert_eq!(skipped.rows(), good.rows()[..rows - 1]);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_wrong_number_of_ranges() {
     let dir = a_run("bad-ranges");
@@ -93,6 +119,43 @@ fn a_wrong_number_of_ranges() {
     assert_eq!(ended.rows().len(), 2);
     let ended = sh(&dir, "extract-lines -f frame.toml --skip-bad bad.csv").expect(3);
     assert_eq!(ended.rows().len(), SCANS - 1);
+
+    // Without remissions only the other scans know how many there should be.
+    for row in 1..=SCANS {
+        let none = |_: &str| String::new();
+        fs::copy(dir.join("scans.csv"), dir.join("bare.csv")).unwrap();
+        for i in 1..=SCANS {
+            change(&dir, "bare.csv", "bare.csv", i, "remissions", none);
+        }
+        change(&dir, "bare.csv", "bad.csv", row, column, |ranges| {
+            ranges.rsplit_once(' ').unwrap().0.to_owned()
+        });
+        let line = format!("bad.csv:{}: ranges_mm: ", row.max(2) + 1);
+        let ended = sh(&dir, "extract-lines -f frame.toml bad.csv").expect(65);
+        assert_says(&ended, &[&line, "ranges where the scans before"]);
+        let ended = sh(&dir, "extract-lines -f frame.toml --skip-bad bad.csv").expect(3);
+        assert_says(&ended, &[&line, "1 bad record skipped"]);
+        assert_eq!(ended.rows().len(), SCANS - 1);
+    }
+}
+
+#[test]
+fn ranges_and_increments_that_cannot_be() {
+    let dir = a_run("bad-values");
+    for (column, with) in [
+        ("angle_increment_rad", "0"),
+        ("angle_increment_rad", "-0.004"),
+        ("ranges_mm", "-5 "),
+        ("ranges_mm", "1000001 "),
+    ] {
+        change(&dir, "scans.csv", "bad.csv", 3, column, |old| {
+            let rest = old.split_once(' ').map_or("", |(_, rest)| rest);
+            format!("{with}{rest}")
+        });
+        let ended = sh(&dir, "extract-lines -f frame.toml bad.csv").expect(65);
+        assert_says(&ended, &[&format!("bad.csv:4: {column}: {}", with.trim())]);
+        assert_eq!(ended.rows().len(), 2);
+    }
 }
 
 #[test]
@@ -216,6 +279,7 @@ fn a_frame_file_that_makes_no_sense() {
         ("dy_m = 10.45", "dy_m = \"wide\"", "dy_m"),
         ("dy_m = 10.45", "width = 10.45", "width"),
         ("lms511-hr", "lms911", "scanner.model"),
+        ("5.20]", "\"a\"]", "plate[0].z_m: invalid type"),
     ] {
         fs::write(dir.join("bad.toml"), frame.replacen(from, to, 1)).unwrap();
         for command in [
@@ -227,6 +291,20 @@ fn a_frame_file_that_makes_no_sense() {
             assert_says(&ended, &["bad.toml", says]);
             assert!(ended.stdout.is_empty());
         }
+    }
+}
+
+#[test]
+fn a_frame_file_that_is_not_there() {
+    let dir = a_run("bad-no-frame");
+    for command in [
+        "simulate -f nowhere.toml --trajectory grid",
+        "extract-lines -f nowhere.toml scans.csv",
+        "solve-pose -f nowhere.toml lines.csv",
+    ] {
+        let ended = sh(&dir, command).expect(66);
+        assert_says(&ended, &["nowhere.toml: No such file"]);
+        assert_eq!(ended.stderr.matches("No such file").count(), 1);
     }
 }
 

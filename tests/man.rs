@@ -89,9 +89,11 @@ impl Page {
 }
 
 /// `after_long_help` as sections: a line that is all capitals opens one, lines indented by four or
-/// more are shown as they are, the rest is running text.
+/// more are shown as they are, the rest is running text whose paragraphs end with an empty line, a
+/// heading or an example.
 fn more_sections(text: &str, roff: &mut Roff) {
     let mut verbatim = false;
+    let mut in_paragraph = false;
     for line in text.lines() {
         let as_it_is = line.starts_with("    ");
         if as_it_is != verbatim && !line.is_empty() {
@@ -107,11 +109,12 @@ fn more_sections(text: &str, roff: &mut Roff) {
         } else if is_heading(line) {
             roff.control("SH", [line]);
         } else if !line.is_empty() {
-            if line.starts_with("  ") {
+            if line.starts_with("  ") && !in_paragraph {
                 roff.control("PP", []);
             }
             roff.text([roman(line.trim_start())]);
         }
+        in_paragraph = !verbatim && !line.is_empty() && !is_heading(line);
     }
     if verbatim {
         roff.control("fi", []).control("RE", []);
@@ -191,6 +194,19 @@ fn every_tool_has_a_page_and_every_page_a_tool() {
     tools.sort();
     pages.sort();
     assert_eq!(tools, pages);
+}
+
+#[test]
+fn wrapped_lines_are_one_paragraph() {
+    let mut roff = Roff::new();
+    let text = "NOTES\n  one\n  two\n\n  three\n    as it is\n    too\n  four\n";
+    more_sections(text, &mut roff);
+    let page = tidy(&roff.render());
+    let (_, body) = page.split_once(".SH NOTES\n").unwrap();
+    assert_eq!(
+        body,
+        ".PP\none\ntwo\n.PP\nthree\n.RS\n.nf\nas it is\ntoo\n.fi\n.RE\n.PP\nfour\n"
+    );
 }
 
 #[test]

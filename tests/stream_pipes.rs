@@ -380,3 +380,15 @@ fn bad_records_are_skipped_when_asked() {
         ended.stderr
     );
 }
+
+#[test]
+fn outputs_that_are_one_file_are_refused() {
+    let dir = scratch("pipes-collide");
+    fs::write(dir.join("a"), "before").unwrap();
+    for outputs in ["-o a --truth a", "--truth a --imu ./a"] {
+        let ended = sh(&dir, &format!("{LINE} --n-scans 2 {outputs}")).expect(2);
+        assert!(ended.stderr.contains("two outputs"), "{}", ended.stderr);
+        assert!(ended.stdout.is_empty());
+        assert_eq!(fs::read_to_string(dir.join("a")).unwrap(), "before");
+    }
+}

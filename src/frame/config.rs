@@ -9,20 +9,22 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file could not be read.
-    #[error("{path}: {source}")]
+    #[error("{path}: {why}")]
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
-        source: std::io::Error,
+        /// Why. Not a `source`: the text says it already.
+        why: std::io::Error,
     },
     /// Not TOML, or a key that is missing, unknown or of the wrong type.
-    #[error("{path}: {source}")]
+    #[error("{path}:{place}{why}")]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where and why.
-        source: Box<toml::de::Error>,
+        /// Line, column and key, as far as they are known: `7:14: plate[0].z_m: `.
+        place: String,
+        /// What is wrong.
+        why: String,
     },
     /// A value that makes no sense.
     #[error("{path}: {key}: {why}")]
@@ -188,18 +190,26 @@ impl Default for Calibration {
 impl Frame {
     /// Reads and checks a frame file.
     pub fn read(path: &Path) -> Result<Frame, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+        Ok(Frame::read_with_text(path)?.0)
+    }
+
+    /// Reads and checks a frame file; gives its text too.
+    pub fn read_with_text(path: &Path) -> Result<(Frame, String), ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|why| ConfigError::Read {
             path: path.to_owned(),
-            source,
+            why,
         })?;
-        Frame::parse(&text, path)
+        Ok((Frame::parse(&text, path)?, text))
     }
 
     /// Parses and checks a frame file's text; `path` only names it in messages.
     pub fn parse(text: &str, path: &Path) -> Result<Frame, ConfigError> {
-        let frame: Frame = toml::from_str(text).map_err(|source| ConfigError::Syntax {
+        let frame: Frame = toml::from_str(text).map_err(|error| ConfigError::Syntax {
             path: path.to_owned(),
-            source: Box::new(source),
+            place: error
+                .span()
+                .map_or(" ".to_owned(), |span| place(text, span.start)),
+            why: error.message().to_owned(),
         })?;
         frame.check().map_err(|(key, why)| ConfigError::Value {
             path: path.to_owned(),
@@ -322,6 +332,7 @@ impl Frame {
                 }
             }
         }
+        self.check_strips_apart()?;
         if ScannerModel::by_name(&self.scanner.model).is_none() {
             let known: Vec<&str> = ScannerModel::all().iter().map(|model| model.name).collect();
             return fault(
@@ -370,6 +381,74 @@ impl Frame {
         }
         Ok(())
     }
+}
+
+impl Frame {
+    /// No two strips cover the same spot of a face.
+    fn check_strips_apart(&self) -> Result<(), (String, String)> {
+        let half_x = self.bounds.dx_m / 2.0;
+        for (i, a) in self.strips.iter().enumerate() {
+            for (j, b) in self.strips.iter().enumerate().skip(i + 1) {
+                let [a_x, b_x] = [a, b].map(|strip| strip.x_m.unwrap_or([-half_x, half_x]));
+                let (from, to) = (a_x[0].max(b_x[0]), a_x[1].min(b_x[1]));
+                if a.face != b.face || from >= to {
+                    continue;
+                }
+                let apart = |x: f64| (a.offset_m - b.offset_m) + x * (a.slope() - b.slope());
+                let (first, last) = (apart(from), apart(to));
+                // The distance is linear in x: least at an end, or zero where it changes its sign.
+                let least = if first * last <= 0.0 {
+                    0.0
+                } else {
+                    first.abs().min(last.abs())
+                };
+                if least < (a.width_m + b.width_m) / 2.0 - 1e-9 {
+                    let face = a.face.name();
+                    let why = format!("overlaps strip[{j}] on the {face} face");
+                    return Err((format!("strip[{i}]"), why));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `line:column: key: ` of a place in a frame file's text; the key, with its table, is that of the
+/// last line up to there that has one.
+fn place(text: &str, offset: usize) -> String {
+    let before = text.get(..offset).unwrap_or(text);
+    let start = before.rfind('\n').map_or(0, |at| at + 1);
+    let (line, column) = (
+        before.matches('\n').count() + 1,
+        before[start..].chars().count() + 1,
+    );
+    let whole_line = text[start..].lines().next().unwrap_or_default();
+    let (mut table, mut key) = (String::new(), None);
+    let mut tables: Vec<&str> = Vec::new();
+    for line in text[..start].lines().chain([whole_line]) {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if let Some(name) = line.strip_prefix("[[").and_then(|l| l.strip_suffix("]]")) {
+            let index = tables.iter().filter(|seen| **seen == name).count();
+            tables.push(name);
+            (table, key) = (format!("{name}[{index}]"), None);
+        } else if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']'))
+            && name
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
+        {
+            (table, key) = (name.to_owned(), None);
+        } else if let Some((name, _)) = line.split_once('=') {
+            key = Some(name.trim());
+        }
+    }
+    let dot = if table.is_empty() || key.is_none() {
+        ""
+    } else {
+        "."
+    };
+    let key = format!("{table}{dot}{}", key.unwrap_or_default());
+    let colon = if key.is_empty() { "" } else { ": " };
+    format!("{line}:{column}: {key}{colon}")
 }
 
 mod face_name {
@@ -430,7 +509,49 @@ mod tests {
         );
         let text = CABLAR.replace("dz_m = 5.50", "dz_m = \"high\"");
         assert!(fault(&text).contains("dz_m"), "{}", fault(&text));
+        let text = CABLAR.replacen("z_m = [0.20, 5.20]", "z_m = [0.20, \"a\"]", 1);
+        let says = fault(&text);
+        assert!(says.contains("plate[0].z_m: invalid type"), "{says}");
         let plate = CABLAR.replace("z_m = [0.20, 5.20]", "z_m = [0.20, 9.20]");
         assert!(fault(&plate).contains("plate[0].z_m"), "{}", fault(&plate));
+    }
+
+    #[test]
+    fn a_place_has_line_column_and_key() {
+        let text =
+            "name = \"a\"\n[box]\ndx_m = 1\n[[strip]]\n[[strip]] # second\nx_m = [\n  0,\n  ?]\n";
+        let at = |what: &str| place(text, text.find(what).unwrap());
+        assert_eq!(at("\"a\""), "1:8: name: ");
+        assert_eq!(at("1\n"), "3:8: box.dx_m: ");
+        assert_eq!(at("[box]"), "2:1: box: ");
+        assert_eq!(at("?"), "8:3: strip[1].x_m: ");
+        assert_eq!(place("", 0), "1:1: ");
+        assert_eq!(place("x", 9), "1:2: x: ".replace("x: ", ""));
+    }
+
+    #[test]
+    fn strips_that_overlap_are_refused() {
+        let strips = |second: &str| {
+            let strip = "[[strip]]\nface = \"upper\"\nwidth_m = 0.8\ninclination_deg = ";
+            let text = format!(
+                "[box]\ndx_m = 1.5\ndy_m = 10\ndz_m = 5\n{strip}30.0\noffset_m = 1.0\n{strip}{second}\n"
+            );
+            Frame::parse(&text, Path::new("frame.toml"))
+        };
+        // Side by side, touching, crossing, and crossing only where one of them is not.
+        assert!(strips("30.0\noffset_m = -0.5").is_ok());
+        assert!(strips("30.0\noffset_m = 0.2").is_ok());
+        assert!(strips("-30.0\noffset_m = 1.0\nx_m = [0.74, 0.75]").is_ok());
+        for second in [
+            "30.0\noffset_m = 0.21",
+            "-30.0\noffset_m = 0.9",
+            "-30.0\noffset_m = -0.2",
+        ] {
+            let says = strips(second).unwrap_err().to_string();
+            assert!(
+                says.contains("strip[0]") && says.contains("strip[1]"),
+                "{says}"
+            );
+        }
     }
 }

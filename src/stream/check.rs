@@ -74,6 +74,90 @@ pub trait StreamRecord: Record + super::ros2::Messages + Send + 'static {
 
     /// Whether the values make sense together.
     fn check(&self) -> Result<(), BadField>;
+
+    /// How the record divides its plane into beams, if it does.
+    fn raster(&self) -> Option<Raster> {
+        None
+    }
+}
+
+/// The beams of a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// Angle of the first beam, rad.
+    pub angle_min_rad: f64,
+    /// Angle from beam to beam, rad.
+    pub angle_increment_rad: f64,
+    /// Number of ranges.
+    pub ranges: usize,
+}
+
+/// Checks the records of one stream, each by itself and against those before it: the same angles
+/// must come with the same number of ranges.
+#[derive(Default)]
+pub(super) struct Checks {
+    /// What has been seen of the present angles.
+    raster: Option<Raster>,
+    /// Whether a second scan has agreed with it.
+    confirmed: bool,
+    /// Another number of ranges, seen before one was confirmed: the first scan may be the bad one.
+    rival: Option<usize>,
+}
+
+impl Checks {
+    pub(super) fn check<R: StreamRecord>(&mut self, record: &R) -> Result<(), BadField> {
+        record.check()?;
+        match record.raster() {
+            Some(raster) => self.compare(raster),
+            None => Ok(()),
+        }
+    }
+
+    fn compare(&mut self, found: Raster) -> Result<(), BadField> {
+        let Some(wanted) = self.raster.filter(|known| {
+            known.angle_min_rad == found.angle_min_rad
+                && known.angle_increment_rad == found.angle_increment_rad
+        }) else {
+            *self = Checks {
+                raster: Some(found),
+                ..Checks::default()
+            };
+            return Ok(());
+        };
+        let ranges = found.ranges;
+        if ranges == wanted.ranges || self.rival == Some(ranges) {
+            *self = Checks {
+                raster: Some(found),
+                confirmed: true,
+                rival: None,
+            };
+            return Ok(());
+        }
+        if !self.confirmed {
+            self.rival = Some(ranges);
+        }
+        let why = format!(
+            "{ranges} ranges where the scans before, of the same angles, have {}",
+            wanted.ranges
+        );
+        Err(BadField::new("ranges_mm", why))
+    }
+}
+
+/// No scanner measures so far, m.
+const FARTHEST_M: f64 = 1000.0;
+
+/// A range is a length or one of the markers `inf`, NaN and `-inf`.
+fn lengths(column: &'static str, ranges_m: &[f64]) -> Result<(), BadField> {
+    let bad = |r: &&f64| r.is_finite() && !(0.0..=FARTHEST_M).contains(*r);
+    match ranges_m.iter().find(bad) {
+        None => Ok(()),
+        Some(range_m) => {
+            let (range_mm, most_mm) = (range_m * 1e3, FARTHEST_M * 1e3);
+            let why = format!("{range_mm} mm is no range: 0 to {most_mm} mm, inf, nan or -inf");
+            Err(BadField::new(column, why))
+        }
+    }
 }
 
 /// Compares the lengths of parallel lists as they come by.
@@ -133,10 +217,15 @@ impl StreamRecord for Scan {
             ("angle_increment_rad", self.angle_increment_rad),
             ("time_increment_s", self.time_increment_s),
         ])?;
+        if self.angle_increment_rad <= 0.0 {
+            let why = format!("{} is not above 0", self.angle_increment_rad);
+            return Err(BadField::new("angle_increment_rad", why));
+        }
         let beams = self.beams();
         if beams == 0 {
             return Err(BadField::new("ranges_mm", "empty"));
         }
+        lengths("ranges_mm", &self.ranges_m)?;
         let same = |column, items: usize| {
             if items == beams || items == 0 {
                 return Ok(());
@@ -148,6 +237,7 @@ impl StreamRecord for Scan {
         let further = ["ranges_2_mm", "ranges_3_mm", "ranges_4_mm", "ranges_5_mm"];
         for (column, ranges_m) in further.into_iter().zip(&self.further_ranges_m) {
             same(column, ranges_m.len())?;
+            lengths(column, ranges_m)?;
         }
         let further = [
             "remissions_2",
@@ -159,6 +249,14 @@ impl StreamRecord for Scan {
             same(column, remissions.len())?;
         }
         Ok(())
+    }
+
+    fn raster(&self) -> Option<Raster> {
+        Some(Raster {
+            angle_min_rad: self.angle_min_rad,
+            angle_increment_rad: self.angle_increment_rad,
+            ranges: self.beams(),
+        })
     }
 }
 
@@ -232,5 +330,70 @@ impl StreamRecord for Segment {
 impl StreamRecord for ClockExchange {
     fn check(&self) -> Result<(), BadField> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which of these numbers of ranges, one a scan, are reported.
+    fn reported(ranges: &[usize]) -> Vec<usize> {
+        let mut checks = Checks::default();
+        let raster = |ranges| Raster {
+            angle_min_rad: -0.1,
+            angle_increment_rad: 0.004,
+            ranges,
+        };
+        let bad = ranges
+            .iter()
+            .enumerate()
+            .filter(|(_, n)| checks.compare(raster(**n)).is_err());
+        bad.map(|(i, _)| i).collect()
+    }
+
+    #[test]
+    fn one_stream_has_one_number_of_ranges() {
+        assert_eq!(reported(&[9, 9, 9]), [0; 0]);
+        assert_eq!(reported(&[9, 8, 9, 9]), [1]);
+        assert_eq!(reported(&[9, 9, 8, 8, 8, 9]), [2, 3, 4]);
+        // A first scan that is wrong cannot be known: the second is reported, and no other.
+        assert_eq!(reported(&[8, 9, 9, 9, 8]), [1, 4]);
+    }
+
+    #[test]
+    fn other_angles_may_have_another_number() {
+        let mut checks = Checks::default();
+        let mut raster = Raster {
+            angle_min_rad: -0.1,
+            angle_increment_rad: 0.004,
+            ranges: 9,
+        };
+        assert!(checks.compare(raster).is_ok());
+        raster.angle_increment_rad = 0.002;
+        raster.ranges = 17;
+        assert!(checks.compare(raster).is_ok());
+        raster.ranges = 16;
+        let bad = checks.compare(raster).unwrap_err().to_string();
+        assert!(bad.starts_with("ranges_mm: 16 ranges where"), "{bad}");
+        assert!(bad.ends_with("have 17"), "{bad}");
+    }
+
+    #[test]
+    fn a_scan_has_ranges_and_an_increment_that_can_be() {
+        let good = crate::stream::samples::scan();
+        assert_eq!(good.check(), Ok(()));
+        for range_m in [-0.001, 1000.001, -1e30] {
+            let mut scan = good.clone();
+            scan.ranges_m[1] = range_m;
+            let bad = scan.check().unwrap_err().to_string();
+            assert!(bad.starts_with("ranges_mm: "), "{bad}");
+        }
+        for increment in [0.0, -0.004, f64::NAN, f64::INFINITY] {
+            let mut scan = good.clone();
+            scan.angle_increment_rad = increment;
+            let bad = scan.check().unwrap_err().to_string();
+            assert!(bad.starts_with("angle_increment_rad: "), "{bad}");
+        }
     }
 }

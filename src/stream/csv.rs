@@ -2,18 +2,24 @@
 //!
 //! The columns are those that a record shows its visitors. A reader takes them in any order, passes
 //! over columns it does not know, and refuses a header without a required one. A list is one field
-//! with single spaces between its items. Lines that start with `#` are passed over.
+//! with single spaces between its items. Every row ends with a line feed; one that does not has been
+//! cut off. Lines that start with `#` are passed over.
 
-use super::check::{BadField, ListLengths, StreamRecord};
+use super::check::{BadField, Checks, ListLengths, StreamRecord};
 use super::exit::Fault;
 use super::kinds;
 use crate::record::{Presence, Record, Value, Visit, VisitMut};
 use csv::ByteRecord;
+use std::cell::Cell;
 use std::convert::Infallible;
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
+use std::rc::Rc;
 
 /// A read takes what a pipe holds at once.
 const BUFFER: usize = 1 << 16;
+
+/// What is wrong with a row that the end of the input ends.
+const CUT_OFF: &str = "the row is cut off: no line feed ends it";
 
 /// Why a row gave no record.
 #[derive(Debug)]
@@ -33,11 +39,36 @@ pub(super) struct CsvReader<R> {
     /// Where each of the record's columns stands in a row.
     fields: Vec<Option<usize>>,
     record: R,
+    checks: Checks,
+    /// Whether the input has ended.
+    at_end: Rc<Cell<bool>>,
+}
+
+/// Notes when its reader meets the end of the input. A row that ends with a line feed is given out
+/// before the end is looked for, so a row given out after it has been cut off.
+struct NoteEnd {
+    input: Box<dyn Read>,
+    at_end: Rc<Cell<bool>>,
+}
+
+impl Read for NoteEnd {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let length = self.input.read(buffer)?;
+        if length == 0 && !buffer.is_empty() {
+            self.at_end.set(true);
+        }
+        Ok(length)
+    }
 }
 
 impl<R: StreamRecord> CsvReader<R> {
     /// Reads the header row; `name` is the file's in messages.
     pub(super) fn new(input: Box<dyn Read>, name: &str) -> anyhow::Result<Self> {
+        let at_end = Rc::new(Cell::new(false));
+        let input: Box<dyn Read> = Box::new(NoteEnd {
+            input,
+            at_end: Rc::clone(&at_end),
+        });
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -62,6 +93,8 @@ impl<R: StreamRecord> CsvReader<R> {
             reader,
             row: header,
             record: R::default(),
+            checks: Checks::default(),
+            at_end,
         })
     }
 
@@ -72,16 +105,16 @@ impl<R: StreamRecord> CsvReader<R> {
             Ok(false) => return Ok(false),
             Err(error) => return Err(RowError::Fatal(error.into())),
         }
-        match self.fill() {
-            Ok(()) => Ok(true),
-            Err(bad) => {
-                let line = self.row.position().map_or(0, csv::Position::line);
-                Err(RowError::Bad(Fault::BadData(format!(
-                    "{}:{line}: {bad}",
-                    self.name
-                ))))
-            }
-        }
+        // The last number of a row that was cut off looks like a whole one.
+        let why = match (self.fill(), self.at_end.get()) {
+            (Ok(()), false) => return Ok(true),
+            (Ok(()), true) => CUT_OFF.to_owned(),
+            (Err(bad), false) => bad.to_string(),
+            (Err(bad), true) => format!("{bad}; {CUT_OFF}"),
+        };
+        let line = self.row.position().map_or(0, csv::Position::line);
+        let fault = Fault::BadData(format!("{}:{line}: {why}", self.name));
+        Err(RowError::Bad(fault))
     }
 
     /// The record of the last row read.
@@ -103,7 +136,7 @@ impl<R: StreamRecord> CsvReader<R> {
             lists: ListLengths::new(R::PARALLEL_LISTS),
         };
         self.record.visit_mut(&mut fill)?;
-        self.record.check()
+        self.checks.check(&self.record)
     }
 }
 

@@ -213,7 +213,24 @@ fn a_stream_without_records_has_a_header() {
 }
 
 #[test]
-fn windows_line_ends_and_a_missing_last_one() {
+fn windows_line_ends() {
     let text = POINTS.replace('\n', "\r\n");
-    assert_eq!(read::<TrajectoryPoint>(text.trim_end()).0.len(), 1);
+    assert_eq!(read::<TrajectoryPoint>(&text).0.len(), 1);
+}
+
+#[test]
+fn a_last_row_without_a_line_feed_is_cut_off() {
+    // Its last number would pass for a whole one.
+    let (records, fault) = read::<TrajectoryPoint>(&format!("{POINTS}6,1,2,3,0,0,0,,,1.25"));
+    assert_eq!(records.len(), 1);
+    assert_eq!(
+        fault.unwrap(),
+        "f.csv:3: the row is cut off: no line feed ends it"
+    );
+    let (records, fault) = read::<TrajectoryPoint>(&format!("{POINTS}6,1,2,"));
+    assert_eq!(records.len(), 1);
+    assert_eq!(
+        fault.unwrap(),
+        "f.csv:3: 4 fields where the header has 10; the row is cut off: no line feed ends it"
+    );
 }

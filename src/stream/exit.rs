@@ -96,8 +96,10 @@ pub fn status(error: &anyhow::Error) -> u8 {
         if let Some(fault) = cause.downcast_ref::<Fault>() {
             return fault.status();
         }
-        if cause.is::<ConfigError>() {
-            return 78;
+        match cause.downcast_ref() {
+            Some(ConfigError::Read { .. }) => return 66,
+            Some(ConfigError::Syntax { .. } | ConfigError::Value { .. }) => return 78,
+            None => {}
         }
         if let Some(io) = io_error(cause) {
             return if io.kind() == io::ErrorKind::BrokenPipe {
@@ -192,6 +194,8 @@ mod tests {
     fn a_bad_frame_file_is_bad_configuration() {
         let error = crate::frame::Frame::parse("name = 1", Path::new("f.toml")).unwrap_err();
         assert_eq!(status(&error.into()), 78);
+        let error = crate::frame::Frame::read(Path::new("no/such.toml")).unwrap_err();
+        assert_eq!(status(&error.into()), 66);
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub struct Input<R: StreamRecord> {
 }
 
 enum Reader<R: StreamRecord> {
-    Csv(CsvReader<R>),
+    Csv(Box<CsvReader<R>>),
     Mcap(Box<McapReader<R>>),
 }
 
@@ -81,7 +81,7 @@ impl<R: StreamRecord> Input<R> {
             ..
         } = source;
         let reader = match encoding {
-            Encoding::Csv => Reader::Csv(CsvReader::new(bytes, &name)?),
+            Encoding::Csv => Reader::Csv(Box::new(CsvReader::new(bytes, &name)?)),
             Encoding::Mcap => Reader::Mcap(Box::new(McapReader::new(bytes, &name, role))),
         };
         Ok(Input {

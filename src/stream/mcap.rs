@@ -7,7 +7,7 @@
 //! Reading takes either form, from a pipe or a file, and gives out everything that is whole before
 //! it complains of an end in the middle.
 
-use super::check::{BadField, StreamRecord};
+use super::check::{BadField, Checks, StreamRecord};
 use super::csv::RowError;
 use super::exit::Fault;
 use super::output::Output;
@@ -367,6 +367,7 @@ struct State<R: StreamRecord> {
     topics: HashMap<u16, Option<&'static Topic>>,
     found: bool,
     record: R,
+    checks: Checks,
     parts: R::Parts,
     records: u64,
     provenance: Vec<Provenance>,
@@ -413,6 +414,7 @@ impl<R: StreamRecord> McapReader<R> {
                 topics: HashMap::new(),
                 found: false,
                 record: R::default(),
+                checks: Checks::default(),
                 parts: R::Parts::default(),
                 records: 0,
                 provenance: Vec::new(),
@@ -584,7 +586,7 @@ impl<R: StreamRecord> State<R> {
         let complete = self.record.decode(topic, message, &mut self.parts);
         let checked = complete.and_then(|complete| {
             if complete {
-                self.record.check()?;
+                self.checks.check(&self.record)?;
             }
             Ok(complete)
         });

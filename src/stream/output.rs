@@ -12,11 +12,13 @@ use std::fs::{self, File};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::{Mutex, PoisonError};
 
 /// An output stream: stdout or `-o`.
 ///
 /// A file is written as `NAME.partial` and gets its name in [`Output::finish`]; a program that is
-/// cut off leaves the partial file with what it had. What is not a regular file (a FIFO,
+/// cut off leaves the partial file with what it had. A symbolic link stays: its target is written
+/// so. No two outputs of a process can be one file. What is not a regular file (a FIFO,
 /// `/dev/null`) is written in place.
 pub struct Output {
     core: Rc<RefCell<Core>>,
@@ -26,6 +28,8 @@ pub struct Output {
 struct Core {
     encoder: Encoder,
     rename: Option<Rename>,
+    /// Keeps the file's names from the other outputs.
+    _claim: Option<Claim>,
     /// Whether every record goes out at once.
     prompt: bool,
     records: u64,
@@ -39,6 +43,59 @@ enum Encoder {
 struct Rename {
     from: PathBuf,
     to: PathBuf,
+}
+
+/// The files that this process is writing.
+static CLAIMED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// The names that an output has to itself as long as it is open.
+struct Claim([PathBuf; 2]);
+
+impl Claim {
+    /// Claims a file's name and its partial name; fails if another output has one of them.
+    fn new(names: [&Path; 2]) -> Result<Claim, Fault> {
+        let names = names.map(absolute);
+        let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        if names.iter().any(|name| claimed.contains(name)) {
+            let name = names[0].display();
+            return Err(Fault::Usage(format!("{name}: two outputs go to this file")));
+        }
+        claimed.extend(names.iter().cloned());
+        Ok(Claim(names))
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
+        claimed.retain(|name| !self.0.contains(name));
+    }
+}
+
+/// A file's name, the same however its directory is spelt. The file need not be there.
+fn absolute(path: &Path) -> PathBuf {
+    let directory = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    match (fs::canonicalize(directory), path.file_name()) {
+        (Ok(directory), Some(name)) => directory.join(name),
+        _ => path.to_owned(),
+    }
+}
+
+/// What a symbolic link points to in the end, whether or not it is there; any other path itself.
+fn behind_links(path: &Path) -> PathBuf {
+    /// As many as Linux follows.
+    const LINKS: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        let Ok(target) = fs::read_link(&path) else {
+            break;
+        };
+        path = path.parent().unwrap_or(Path::new("")).join(target);
+    }
+    path
 }
 
 /// A file or stdout whose errors name it.
@@ -105,14 +162,16 @@ impl Output {
         let (create, rename) = if in_place {
             (path.to_owned(), None)
         } else {
-            let mut partial = path.as_os_str().to_owned();
+            let to = behind_links(path);
+            let mut partial = to.as_os_str().to_owned();
             partial.push(".partial");
             let from = PathBuf::from(partial);
+            let claim = Claim::new([&to, &from])?;
             let rename = Rename {
                 from: from.clone(),
-                to: path.to_owned(),
+                to,
             };
-            (from, Some(rename))
+            (from, Some((rename, claim)))
         };
         let file = File::create(&create)
             .map_err(|error| flow::named(&create.display().to_string(), error))?;
@@ -127,9 +186,10 @@ impl Output {
         target: Target,
         encoding: Encoding,
         options: &Options,
-        rename: Option<Rename>,
+        file: Option<(Rename, Claim)>,
         prompt: bool,
     ) -> anyhow::Result<Output> {
+        let (rename, claim) = file.unzip();
         let encoder = match encoding {
             Encoding::Csv => Encoder::Csv(Box::new(CsvWriter::new(target))),
             Encoding::Mcap => Encoder::Mcap(Box::new(McapWriter::new(
@@ -141,6 +201,7 @@ impl Output {
         let core = Rc::new(RefCell::new(Core {
             encoder,
             rename,
+            _claim: claim,
             prompt,
             records: 0,
         }));
@@ -281,4 +342,65 @@ fn stdout_unbuffered() -> impl Write {
 #[cfg(not(unix))]
 fn stdout_unbuffered() -> impl Write {
     io::stdout()
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::stream::samples;
+
+    /// A directory of our own in the system's temporary directory, removed at the end.
+    struct Directory(PathBuf);
+
+    impl Directory {
+        fn new(name: &str) -> Directory {
+            let name = format!("cablepose-output-{}-{name}", std::process::id());
+            let path = std::env::temp_dir().join(name);
+            fs::create_dir_all(&path).unwrap();
+            Directory(path)
+        }
+    }
+
+    impl Drop for Directory {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    #[test]
+    fn a_link_stays_a_link() {
+        let dir = Directory::new("link");
+        fs::create_dir(dir.0.join("there")).unwrap();
+        let link = dir.0.join("link.csv");
+        std::os::unix::fs::symlink("there/file.csv", &link).unwrap();
+        // The first time the target is not there yet, the second time it is.
+        for _ in 0..2 {
+            let mut output = Output::create(&link, Encoding::Csv, &Options::default()).unwrap();
+            assert!(dir.0.join("there/file.csv.partial").exists());
+            output.write(&samples::point()).unwrap();
+            output.finish().unwrap();
+            assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+            assert_eq!(fs::read_to_string(&link).unwrap().lines().count(), 2);
+            assert!(!dir.0.join("there/file.csv.partial").exists());
+        }
+    }
+
+    #[test]
+    fn two_outputs_cannot_be_one_file() {
+        let dir = Directory::new("twice");
+        let create =
+            |name: &str| Output::create(&dir.0.join(name), Encoding::Csv, &Options::default());
+        let first = create("a").unwrap();
+        for same in ["a", "../a", "./a", "a.partial"] {
+            let same = same.replace(
+                "..",
+                &format!("../{}", dir.0.file_name().unwrap().display()),
+            );
+            let error = create(&same).err().unwrap();
+            assert_eq!(exit::status(&error), 2, "{same}");
+        }
+        assert!(create("b").is_ok());
+        first.finish().unwrap();
+        assert!(create("a").is_ok());
+    }
 }

@@ -154,7 +154,7 @@ fn info() -> impl Strategy<Value = ScanInfo> {
 prop_compose! {
     pub(super) fn any_scan()(beams in 1..40usize)(
         stamps in (stamp(), option::of(stamp()), option::of(stamp()), any::<u32>()),
-        angles in (finite(), finite(), finite(), number(), number(), number()),
+        angles in (finite(), 1e-4..1.0f64, finite(), number(), number(), number()),
         ranges in vec(range_m(), beams),
         remissions in prop_oneof![vec(remission(), 0), vec(remission(), beams)],
         echoes in vec(vec(range_m(), beams), 0..=4),

@@ -2,7 +2,7 @@
 
 use crate::frame::Frame;
 use crate::record::Stamp;
-use crate::stream::{Encoding, Instant, Options, Window};
+use crate::stream::{Encoding, Fault, Instant, Options, Window};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -38,7 +38,18 @@ pub struct CommonArgs {
 
 impl CommonArgs {
     /// The stream options of the tool of this name.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] where `--from` is after `--to`, as far as that can be known here.
     pub fn options(&self, tool: &'static str) -> anyhow::Result<Options> {
+        let turned = match (self.from, self.to) {
+            (Some(Instant::At(from)), Some(Instant::At(to))) => from > to,
+            (Some(Instant::After(from)), Some(Instant::After(to))) => from > to,
+            _ => false,
+        };
+        if turned {
+            return Err(Fault::Usage("--from is after --to: nothing lies between".into()).into());
+        }
         Ok(Options {
             tool,
             output: self.output.clone(),
@@ -66,11 +77,10 @@ pub struct FrameArg {
 }
 
 impl FrameArg {
-    /// The checked frame and the file's text; a fault ends the tool with status 78.
+    /// The checked frame and the file's text; a fault ends the tool with status 78, a file
+    /// that cannot be opened with 66.
     pub fn read(&self) -> anyhow::Result<(Frame, String)> {
-        let frame = Frame::read(&self.frame)?;
-        let text = std::fs::read_to_string(&self.frame)?;
-        Ok((frame, text))
+        Ok(Frame::read_with_text(&self.frame)?)
     }
 }
 
@@ -137,6 +147,31 @@ mod tests {
         assert_eq!(parse_instant("+10s"), Ok(Instant::After(10.0)));
         assert!(parse_instant("10s").is_err());
         assert!(parse_instant("+10").is_err());
+    }
+
+    #[test]
+    fn from_comes_before_to() {
+        let options = |from, to| {
+            let args = CommonArgs {
+                from,
+                to,
+                ..CommonArgs::default()
+            };
+            args.options("test")
+        };
+        let at = |ns| Some(Instant::At(Stamp::from_ns(ns)));
+        let after = |s| Some(Instant::After(s));
+        for (from, to) in [
+            (at(5), at(5)),
+            (after(1.0), after(2.0)),
+            (after(9.0), at(1)),
+        ] {
+            assert!(options(from, to).is_ok());
+        }
+        for (from, to) in [(at(6), at(5)), (after(2.5), after(2.0))] {
+            let error = options(from, to).unwrap_err();
+            assert_eq!(crate::stream::exit::status(&error), 2);
+        }
     }
 
     #[test]
