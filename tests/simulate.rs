@@ -302,6 +302,51 @@ fn impossible_command_lines_are_refused() {
 }
 
 #[test]
+fn options_of_another_trajectory_or_method_are_refused() {
+    for (args, says) in [
+        (
+            &["--trajectory", "grid", "--from-pose", "0,0,2"][..],
+            "--from-pose belongs to",
+        ),
+        (
+            &["--trajectory", "random", "--step-m", "0.1"],
+            "--step-m belongs to",
+        ),
+        (&["--y-range", "0,1"], "grid, random, not to line"),
+        (
+            &["--trajectory", "grid", "--lag", "5ms"],
+            "--lag belongs to",
+        ),
+        (&["--loops", "2"], "--loops belongs to --trajectory loop"),
+    ] {
+        let (status, text) = refusal(args);
+        assert_eq!(status, 2, "{args:?}: {text}");
+        assert!(text.contains(says), "{text}");
+    }
+    for (args, says) in [
+        (
+            &["-f", "testdata/cablar.toml", "--sigma-mm", "3"][..],
+            "--method split-and-merge",
+        ),
+        (
+            &["--method", "split-and-merge", "--cold"],
+            "--cold belongs to",
+        ),
+        (&["--range-sigma-mm", "3"], "--method reflectors"),
+        (&["--bias-sigma-mm", "15"], "--method reflectors"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_extract-lines"))
+            .args(args)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(text.contains(says), "{text}");
+    }
+}
+
+#[test]
 fn an_mcap_stream_holds_everything() {
     let dir = scratch("mcap");
     let path = dir.join("run.mcap");
