@@ -243,6 +243,65 @@ fn a_recording_cut_anywhere_is_in_order() {
     );
 }
 
+/// Where the `n`-th telegram of a CoLa B stream begins.
+fn begin_of(stream: &[u8], n: usize) -> usize {
+    let mut framer = Framer::new();
+    framer.feed(stream);
+    let mut offsets = std::iter::from_fn(|| match framer.next()? {
+        Event::Telegram(found) => Some(found.offset),
+        Event::Skipped(skipped) => panic!("{skipped:?}"),
+    });
+    offsets.nth(n).unwrap() as usize
+}
+
+/// The own recording with `bytes` put `after` bytes behind the channel's name in the fourth
+/// telegram, whose XOR is made to fit; and where that telegram begins.
+fn with_changed_channel(channel: &[u8], after: isize, bytes: &[u8]) -> (Vec<u8>, usize) {
+    let mut stream = std::fs::read(own_recording()).unwrap();
+    let (begin, end) = (begin_of(&stream, 3), begin_of(&stream, 4));
+    let telegram = &mut stream[begin..end];
+    let at = telegram
+        .windows(channel.len())
+        .position(|window| window == channel)
+        .unwrap();
+    let at = (at + channel.len()).wrapping_add_signed(after);
+    telegram[at..at + bytes.len()].copy_from_slice(bytes);
+    let last = telegram.len() - 1;
+    telegram[last] = telegram[8..last].iter().fold(0, |xor, byte| xor ^ byte);
+    (stream, begin)
+}
+
+#[test]
+fn a_senseless_scan_is_a_bad_telegram_though_its_xor_is_right() {
+    let path = scratch("senseless.cola");
+    let scale = |value: f32| value.to_be_bytes();
+    for (channel, after, bytes, reason) in [
+        (b"DIST1", 0, &scale(f32::NAN)[..], "scale factor NaN"),
+        (b"DIST1", 0, &scale(0.0), "scale factor 0"),
+        (b"DIST1", 0, &scale(-1.0), "scale factor -1"),
+        (b"DIST1", 0, &scale(f32::INFINITY), "scale factor inf"),
+        (b"RSSI1", 0, &scale(f32::NAN), "channel RSSI1: scale factor"),
+        (b"DIST1", 12, &[0, 0], "angular step 0"),
+        (b"DIST1", 12, &[0x40, 0], "beams from"),
+        (b"DIST1", -5, b"DISTX", "no channel DIST1"),
+    ] {
+        let (stream, begin) = with_changed_channel(channel, after, bytes);
+        std::fs::write(&path, stream).unwrap();
+        let ended = scan_capture(&[], &path);
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(65), "{reason}: {stderr}");
+        let offset = format!("offset {begin}: ");
+        assert!(stderr.contains(&offset), "{stderr}");
+        assert!(stderr.contains(reason), "{reason}: {stderr}");
+        let ended = scan_capture(&["--skip-bad"], &path);
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(3), "{reason}: {stderr}");
+        assert!(stderr.contains("1 bad pieces skipped"), "{stderr}");
+        let lines = ended.stdout.iter().filter(|byte| **byte == b'\n').count();
+        assert_eq!(lines, 1 + 19);
+    }
+}
+
 #[test]
 fn a_stream_without_scans_says_so() {
     let path = scratch("replies.cola");

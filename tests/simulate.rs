@@ -219,13 +219,67 @@ fn an_invalid_mode_is_refused_with_its_neighbours() {
     assert_data_eq!(
         text,
         str![[r#"
-simulate: lms511-hr has no mode 35 Hz/0.1667 deg; valid neighbours: 35 Hz/0.2500 deg, 25 Hz/0.1667 deg, 35 Hz/0.5000 deg
+simulate: lms511-hr has no mode 35 Hz/0.1667 deg; valid neighbours: 35 Hz/0.2500 deg, 25 Hz/0.1667 deg, 35 Hz/0.5000 deg, 50 Hz/0.1667 deg (interlaced 2x), 100 Hz/0.1667 deg (interlaced 4x)
 
 "#]]
     );
     let (status, text) = refusal(&["--model", "lms9"]);
     assert_eq!(status, 2);
     assert!(text.contains("utm-30lx"), "{text}");
+}
+
+#[test]
+fn an_interlaced_run_is_solved() {
+    let dir = scratch("interlaced");
+    let path = |name: &str| dir.join(name).to_str().unwrap().to_owned();
+    let chained = |program: &str, args: &[&str]| {
+        let output = Command::new(program)
+            .args(["-f", "testdata/cablar.toml"])
+            .args(args)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+    };
+    let column = |name: &str, column: &str| -> Vec<f64> {
+        let text = text_of(&dir.join(name));
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let k = reader.headers().unwrap().iter().position(|h| h == column);
+        reader
+            .records()
+            .map(|row| row.unwrap()[k.unwrap()].parse().unwrap())
+            .collect()
+    };
+    for (frequency, resolution, starts_deg) in [
+        ("50", "0.1667", &[0.0, 1.0 / 6.0][..]),
+        ("100", "0.1667", &[0.0, 1.0 / 6.0, 1.0 / 3.0, 0.5]),
+    ] {
+        let (truth, scans, lines, poses) =
+            (path("t.csv"), path("s.csv"), path("l.csv"), path("p.csv"));
+        let imu = path("i.csv");
+        let mode = ["--frequency-hz", frequency, "--resolution-deg", resolution];
+        let run = ["--effects", "none", "--n-scans", "24", "-o", &scans];
+        bytes(&[&mode[..], &run, &["--truth", &truth, "--imu", &imu]].concat());
+        for (k, angle_rad) in column("s.csv", "angle_min_rad").iter().enumerate() {
+            let due_deg = starts_deg[k % starts_deg.len()] - 5.0;
+            assert!((angle_rad.to_degrees() - due_deg).abs() < 1e-9, "scan {k}");
+        }
+        chained(env!("CARGO_BIN_EXE_extract-lines"), &[&scans, "-o", &lines]);
+        chained(
+            env!("CARGO_BIN_EXE_solve-pose"),
+            &["--imu", &imu, &lines, "-o", &poses],
+        );
+        for axis in ["y_m", "z_m"] {
+            let (true_m, found_m) = (column("t.csv", axis), column("p.csv", axis));
+            assert_eq!((true_m.len(), found_m.len()), (24, 24));
+            for (true_m, found_m) in true_m.iter().zip(found_m) {
+                assert!(
+                    (true_m - found_m).abs() < 0.002,
+                    "{axis}: {true_m} {found_m}"
+                );
+            }
+        }
+    }
 }
 
 #[test]
@@ -245,6 +299,51 @@ fn impossible_command_lines_are_refused() {
         assert!(!text.is_empty());
     }
     assert_eq!(refusal(&["--trajectory", "no-such-file.csv"]).0, 66);
+}
+
+#[test]
+fn options_of_another_trajectory_or_method_are_refused() {
+    for (args, says) in [
+        (
+            &["--trajectory", "grid", "--from-pose", "0,0,2"][..],
+            "--from-pose belongs to",
+        ),
+        (
+            &["--trajectory", "random", "--step-m", "0.1"],
+            "--step-m belongs to",
+        ),
+        (&["--y-range", "0,1"], "grid, random, not to line"),
+        (
+            &["--trajectory", "grid", "--lag", "5ms"],
+            "--lag belongs to",
+        ),
+        (&["--loops", "2"], "--loops belongs to --trajectory loop"),
+    ] {
+        let (status, text) = refusal(args);
+        assert_eq!(status, 2, "{args:?}: {text}");
+        assert!(text.contains(says), "{text}");
+    }
+    for (args, says) in [
+        (
+            &["-f", "testdata/cablar.toml", "--sigma-mm", "3"][..],
+            "--method split-and-merge",
+        ),
+        (
+            &["--method", "split-and-merge", "--cold"],
+            "--cold belongs to",
+        ),
+        (&["--range-sigma-mm", "3"], "--method reflectors"),
+        (&["--bias-sigma-mm", "15"], "--method reflectors"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_extract-lines"))
+            .args(args)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(text.contains(says), "{text}");
+    }
 }
 
 #[test]

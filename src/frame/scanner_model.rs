@@ -7,6 +7,9 @@
 use std::fmt;
 
 /// A valid pair of scan frequency and angular resolution.
+///
+/// In an interlaced mode one revolution does not give the resolution: `interlace` scans in
+/// succession, each with a step that many times as wide, start one resolution apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanMode {
     /// Revolutions a second, Hz.
@@ -14,6 +17,8 @@ pub struct ScanMode {
     /// Angle from beam to beam is 1 deg * numerator / denominator.
     numerator: u32,
     denominator: u32,
+    /// Scans that together have the resolution; 1: each has it.
+    pub interlace: u32,
 }
 
 impl ScanMode {
@@ -22,17 +27,27 @@ impl ScanMode {
             frequency_hz,
             numerator,
             denominator,
+            interlace: 1,
         }
     }
 
-    /// Angle from beam to beam, deg.
+    const fn interlaced(self, interlace: u32) -> ScanMode {
+        ScanMode { interlace, ..self }
+    }
+
+    /// Angle from beam to beam, of all scans of a sequence together, deg.
     pub fn resolution_deg(&self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 
-    /// Angle from beam to beam, rad.
-    pub fn resolution_rad(&self) -> f64 {
-        self.resolution_deg().to_radians()
+    /// Angle from beam to beam of one scan, deg.
+    pub fn step_deg(&self) -> f64 {
+        f64::from(self.numerator * self.interlace) / f64::from(self.denominator)
+    }
+
+    /// Angle from beam to beam of one scan, rad.
+    pub fn step_rad(&self) -> f64 {
+        self.step_deg().to_radians()
     }
 }
 
@@ -43,7 +58,11 @@ impl fmt::Display for ScanMode {
             "{} Hz/{:.4} deg",
             self.frequency_hz,
             self.resolution_deg()
-        )
+        )?;
+        match self.interlace {
+            1 => Ok(()),
+            scans => write!(f, " (interlaced {scans}x)"),
+        }
     }
 }
 
@@ -82,6 +101,9 @@ pub struct ScannerModel {
     pub systematic: &'static [(f64, f64)],
 }
 
+// Modes 10 to 16 of the telegram listing are interlaced. It leaves two of them open: 100 Hz with 1/6
+// deg (twofold or fourfold) and the frequency of 1/24 deg (25 or 100 Hz). Twofold, or at 100 Hz, they
+// would need more than the 54 000 shots a second that no other mode exceeds.
 const LMS5XX_MODES: &[ScanMode] = &[
     ScanMode::new(35.0, 1, 4),
     ScanMode::new(25.0, 1, 6),
@@ -93,6 +115,13 @@ const LMS5XX_MODES: &[ScanMode] = &[
     ScanMode::new(75.0, 1, 1),
     ScanMode::new(100.0, 2, 3),
     ScanMode::new(100.0, 1, 1),
+    ScanMode::new(50.0, 1, 6).interlaced(2),
+    ScanMode::new(75.0, 1, 4).interlaced(2),
+    ScanMode::new(100.0, 1, 6).interlaced(4),
+    ScanMode::new(100.0, 1, 3).interlaced(2),
+    ScanMode::new(100.0, 1, 2).interlaced(2),
+    ScanMode::new(25.0, 1, 12).interlaced(4),
+    ScanMode::new(25.0, 1, 24).interlaced(4),
 ];
 
 const MODELS: &[ScannerModel] = &[
@@ -217,8 +246,23 @@ mod tests {
         assert!((mode.resolution_deg() - 1.0 / 6.0).abs() < 1e-15);
         assert!(hr.mode(35.0, 0.1667).is_none());
         let near = hr.neighbours(35.0, 0.1667);
-        assert_eq!(near.len(), 3, "{near:?}");
+        assert_eq!(near.len(), 5, "{near:?}");
         assert_eq!(hr.neighbours(1.0, 9.0).len(), hr.modes.len());
+    }
+
+    #[test]
+    fn no_mode_of_the_lms5xx_fires_more_than_54_000_shots_a_second() {
+        let hr = ScannerModel::by_name("lms511-hr").unwrap();
+        for mode in hr.modes {
+            let shots_hz = mode.frequency_hz * 360.0 / mode.step_deg();
+            assert!(shots_hz < 54_000.0 + 1e-6, "{mode}: {shots_hz}");
+        }
+        let mode = hr.mode(100.0, 0.1667).unwrap();
+        assert_eq!((mode.interlace, mode.step_deg()), (4, 2.0 / 3.0));
+        assert_eq!(mode.to_string(), "100 Hz/0.1667 deg (interlaced 4x)");
+        assert_eq!(hr.mode(50.0, 0.5).unwrap().interlace, 1);
+        assert_eq!(hr.mode(25.0, 0.083).unwrap().step_deg(), 1.0 / 3.0);
+        assert_eq!(hr.mode(25.0, 0.042).unwrap().step_deg(), 1.0 / 6.0);
     }
 
     #[test]

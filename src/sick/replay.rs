@@ -563,4 +563,31 @@ mod tests {
         bad.channels.remove(0);
         assert_eq!(replay.push(&bad, None), Err(ScanError::NoDistances));
     }
+
+    #[test]
+    fn senseless_scales_and_angles_are_no_scan() {
+        let mut replay = Replay::new(Settings::default());
+        let mut refused = |change: fn(&mut Channel)| {
+            let mut bad = telegram(0, 0);
+            change(&mut bad.channels[0]);
+            replay.push(&bad, None).unwrap_err().to_string()
+        };
+        let scale = |text: &str| format!("channel DIST1: scale factor {text} cannot be");
+        assert_eq!(refused(|c| c.scale = f32::NAN), scale("NaN"));
+        assert_eq!(refused(|c| c.scale = 0.0), scale("0"));
+        assert_eq!(refused(|c| c.scale = -1.0), scale("-1"));
+        assert_eq!(refused(|c| c.scale = f32::INFINITY), scale("inf"));
+        assert!(refused(|c| c.scale = f32::MIN_POSITIVE).contains("scale factor"));
+        assert!(refused(|c| c.offset = f32::NAN).contains("scale offset NaN"));
+        assert!(refused(|c| c.angular_step = 0).contains("angular step 0"));
+        assert!(refused(|c| c.values.clear()).contains("DIST1 has no values"));
+        assert!(refused(|c| c.values.resize(1141, 0)).contains("1141 beams from -50000"));
+        assert!(refused(|c| c.start_angle = i32::MIN).contains("from -2147483648"));
+        // Nothing of it has left a trace; a turn of 360 deg, rounded up, is one.
+        assert_eq!(replay.counts(), Counts::default());
+        let mut whole = telegram(0, 0);
+        whole.channels[0].angular_step = 3334;
+        whole.channels[0].values.resize(1081, 0);
+        assert!(replay.push(&whole, None).unwrap().is_some());
+    }
 }

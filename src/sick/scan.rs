@@ -4,6 +4,7 @@ use super::angles::{first_angle_deg, true_step_deg};
 use super::scandata::{Channel, LmdScandata};
 use crate::record::{Ranges, Scan, ScanInfo, Value};
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 /// Raw distances below this are codes.
 const FIRST_DISTANCE: u16 = 16;
@@ -12,13 +13,52 @@ const MAX_RAW_1MM: f64 = 65_000.0;
 const MAX_M_2MM: f64 = 80.0;
 /// Echoes that a record can hold.
 const MAX_ECHOES: usize = 5;
+/// Scales that a channel can have: the devices send 1 and 2, and three decades on either side
+/// leave room for others. Outside them, as for NaN, a digit means nothing.
+const SCALES: RangeInclusive<f32> = 1e-3..=1e3;
+/// A full turn in the wire's unit, 1e-4 deg.
+const FULL_TURN: u32 = 3_600_000;
 
 /// Why a telegram that reads well is no scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ScanError {
     /// No distances of a first echo.
     #[error("no channel DIST1")]
     NoDistances,
+    /// The channel of the first echo's distances is empty.
+    #[error("channel DIST1 has no values")]
+    Empty,
+    /// A scale that no digit can be multiplied with.
+    #[error("channel {}: scale factor {scale} cannot be", String::from_utf8_lossy(.name))]
+    Scale {
+        /// The channel.
+        name: [u8; 5],
+        /// Its scale.
+        scale: f32,
+    },
+    /// A scale offset that is not finite.
+    #[error("channel {}: scale offset {offset} cannot be", String::from_utf8_lossy(.name))]
+    Offset {
+        /// The channel.
+        name: [u8; 5],
+        /// Its offset.
+        offset: f32,
+    },
+    /// All beams at one angle.
+    #[error("channel DIST1: angular step 0 cannot be")]
+    NoStep,
+    /// A start angle beyond a full turn, or beams that reach over more than one.
+    #[error(
+        "channel DIST1: {beams} beams from {start_angle} by {angular_step} (1e-4 deg) cannot be"
+    )]
+    Angles {
+        /// The number of beams.
+        beams: usize,
+        /// Angle of the first, 1e-4 deg.
+        start_angle: i32,
+        /// From beam to beam, 1e-4 deg.
+        angular_step: u16,
+    },
     /// A channel does not fit the first echo's distances.
     #[error("channel {} has {values} values, DIST1 has {beams}", String::from_utf8_lossy(.name))]
     Mismatch {
@@ -54,25 +94,58 @@ impl BeamTiming {
     }
 }
 
-/// Checks that the channels fit together.
+/// Checks that the telegram describes a scan: a valid checksum only says that the bytes came as
+/// they were sent.
 pub fn check(telegram: &LmdScandata) -> Result<(), ScanError> {
-    let beams = telegram
-        .channel(b"DIST1")
-        .ok_or(ScanError::NoDistances)?
-        .values
-        .len();
-    let mut measured = telegram
+    let first = telegram.channel(b"DIST1").ok_or(ScanError::NoDistances)?;
+    check_angles(first)?;
+    let measured = telegram
         .channels
         .iter()
         .filter(|channel| is_echo(channel.echo_of(b"DIST")) || is_echo(channel.echo_of(b"RSSI")));
-    match measured.find(|channel| channel.values.len() != beams) {
-        Some(channel) => Err(ScanError::Mismatch {
-            name: channel.name,
-            values: channel.values.len(),
-            beams,
-        }),
-        None => Ok(()),
+    for channel in measured {
+        check_values(channel, first.values.len())?;
     }
+    Ok(())
+}
+
+fn check_angles(first: &Channel) -> Result<(), ScanError> {
+    let (beams, step) = (first.values.len(), first.angular_step);
+    if beams == 0 {
+        return Err(ScanError::Empty);
+    }
+    if step == 0 {
+        return Err(ScanError::NoStep);
+    }
+    // The step is rounded on the wire, by up to one unit a beam.
+    let reach = (beams as u64 - 1) * u64::from(step - 1);
+    if reach > u64::from(FULL_TURN) || first.start_angle.unsigned_abs() > FULL_TURN {
+        return Err(ScanError::Angles {
+            beams,
+            start_angle: first.start_angle,
+            angular_step: step,
+        });
+    }
+    Ok(())
+}
+
+fn check_values(channel: &Channel, beams: usize) -> Result<(), ScanError> {
+    let (name, values) = (channel.name, channel.values.len());
+    let (scale, offset) = (channel.scale, channel.offset);
+    if values != beams {
+        return Err(ScanError::Mismatch {
+            name,
+            values,
+            beams,
+        });
+    }
+    if !SCALES.contains(&scale) {
+        return Err(ScanError::Scale { name, scale });
+    }
+    if !offset.is_finite() {
+        return Err(ScanError::Offset { name, offset });
+    }
+    Ok(())
 }
 
 fn is_echo(echo: Option<usize>) -> bool {

@@ -129,14 +129,14 @@ impl Simulator {
             .hunting
             .as_mut()
             .map_or(Turn::default(), |hunting| hunting.next(number));
-        if self.hunting.is_some() {
-            self.scanner.turn(turn.offset_rad);
+        if self.hunting.is_some() || self.setup.mode.interlace > 1 {
+            self.scanner.turn(number, turn.offset_rad);
         }
         let period_s = self.scanner.period_s();
         let fired = self
             .setup
             .start
-            .plus_s(number as f64 * period_s + self.shift_s);
+            .plus_s(number as f64 * period_s + self.shift_s + self.scanner.lead_s());
         let t_s = fired.since_s(self.setup.start);
         let reference = fired.plus_s(self.scanner.reference_s());
         self.scan(number, fired, t_s, turn.offset_rad);
@@ -160,6 +160,7 @@ impl Simulator {
         let mut physics = self.physics.scan(number, aperture_rad);
         let scan = &mut self.step.scan;
         scan.stamp = fired;
+        scan.angle_min_rad = scanner.angle_min_rad();
         scan.seq = number as u32;
         scan.ranges_m.clear();
         scan.remissions.clear();
@@ -253,7 +254,7 @@ const NO_ECHO: Echo = Echo {
 fn blank_step(scanner: &Scanner) -> Step {
     let scan = Scan {
         angle_min_rad: scanner.angle_min_rad(),
-        angle_increment_rad: scanner.mode.resolution_rad(),
+        angle_increment_rad: scanner.mode.step_rad(),
         time_increment_s: scanner.time_increment_s(),
         scan_time_s: scanner.period_s(),
         range_min_m: scanner.model.range_m[0],

@@ -39,7 +39,9 @@ pub struct Scanner {
     position_m: Vector3<f64>,
     /// S in P.
     rotation: Rotation3<f64>,
-    /// Beam directions in S.
+    /// The scan's place in its sequence; 0 unless the mode is interlaced.
+    place: u32,
+    /// Beam directions in P.
     beams: Vec<Vector3<f64>>,
 }
 
@@ -95,17 +97,21 @@ pub fn mode(
 impl Scanner {
     /// The frame's mounting with a model and a mode.
     pub fn new(frame: &Frame, model: &'static ScannerModel, mode: ScanMode) -> Scanner {
-        let [first_deg, last_deg] = model.aperture_deg;
-        let steps = ((last_deg - first_deg) / mode.resolution_deg() + 1e-9).floor() as usize;
         let mut scanner = Scanner {
             model,
             mode,
             position_m: Vector3::from(frame.scanner.position_m),
             rotation: rotation::attitude_deg(frame.scanner.rotation_deg).to_rotation_matrix(),
-            beams: vec![Vector3::zeros(); steps + 1],
+            place: 0,
+            beams: Vec::new(),
         };
-        scanner.turn(0.0);
+        scanner.turn(0, 0.0);
         scanner
+    }
+
+    /// Angle by which the scan's first beam comes after the aperture's start, deg.
+    fn lead_deg(&self) -> f64 {
+        f64::from(self.place) * self.mode.resolution_deg()
     }
 
     /// Number of beams.
@@ -115,17 +121,17 @@ impl Scanner {
 
     /// Angle of the first beam, rad.
     pub fn angle_min_rad(&self) -> f64 {
-        self.model.aperture_deg[0].to_radians()
+        (self.model.aperture_deg[0] + self.lead_deg()).to_radians()
     }
 
     /// Angle of a beam as the device states it, rad.
     pub fn angle_rad(&self, beam: usize) -> f64 {
-        self.angle_min_rad() + beam as f64 * self.mode.resolution_rad()
+        self.angle_min_rad() + beam as f64 * self.mode.step_rad()
     }
 
     /// From beam to beam, s: increment / (2 pi f).
     pub fn time_increment_s(&self) -> f64 {
-        self.mode.resolution_rad() / (TAU * self.mode.frequency_hz)
+        self.mode.step_rad() / (TAU * self.mode.frequency_hz)
     }
 
     /// From scan to scan, s: the mirror turns on outside the field of view.
@@ -133,10 +139,15 @@ impl Scanner {
         1.0 / self.mode.frequency_hz
     }
 
+    /// From the instant at which the mirror passes the aperture's start to the first beam, s.
+    pub fn lead_s(&self) -> f64 {
+        self.lead_deg() / 360.0 / self.mode.frequency_hz
+    }
+
     /// From the first beam to the reference instant, when the beam at 90 degrees fires (or would,
     /// where the angles miss it), s.
     pub fn reference_s(&self) -> f64 {
-        (FRAC_PI_2 - self.angle_min_rad()) / self.mode.resolution_rad() * self.time_increment_s()
+        (FRAC_PI_2 - self.angle_min_rad()) / self.mode.step_rad() * self.time_increment_s()
     }
 
     /// From the first beam to the last, s.
@@ -144,9 +155,15 @@ impl Scanner {
         (self.count() - 1) as f64 * self.time_increment_s()
     }
 
-    /// Turns all beams by `offset_rad` against the angles that the device states.
-    pub fn turn(&mut self, offset_rad: f64) {
-        let (first, step) = (self.angle_min_rad(), self.mode.resolution_rad());
+    /// Goes to scan `number` of an interlaced sequence and turns all beams by `offset_rad` against
+    /// the angles that the device states.
+    pub fn turn(&mut self, number: u64, offset_rad: f64) {
+        self.place = (number % u64::from(self.mode.interlace)) as u32;
+        let [first_deg, last_deg] = self.model.aperture_deg;
+        let room_deg = last_deg - first_deg - self.lead_deg();
+        let steps = (room_deg / self.mode.step_deg() + 1e-9).floor() as usize;
+        self.beams.resize(steps + 1, Vector3::zeros());
+        let (first, step) = (self.angle_min_rad(), self.mode.step_rad());
         for (k, beam) in self.beams.iter_mut().enumerate() {
             let (sin, cos) = libm::sincos(first + k as f64 * step + offset_rad);
             *beam = self.rotation * Vector3::new(0.0, cos, sin);
@@ -178,7 +195,9 @@ mod tests {
             .iter()
             .map(|mode| Scanner::new(&frame, hr, *mode).count())
             .collect();
-        assert_eq!(counts, [761, 1141, 761, 381, 571, 381, 381, 191, 286, 191]);
+        let plain = [761, 1141, 761, 381, 571, 381, 381, 191, 286, 191];
+        let interlaced = [571, 381, 286, 286, 191, 571, 1141];
+        assert_eq!(counts, [&plain[..], &interlaced[..]].concat());
         let utm = model(&frame, Some("utm-30lx")).unwrap();
         assert_eq!(Scanner::new(&frame, utm, utm.modes[0]).count(), 1081);
         let lms200 = model(&frame, Some("lms200")).unwrap();
@@ -192,10 +211,47 @@ mod tests {
     }
 
     #[test]
+    fn the_scans_of_an_interlaced_sequence_make_up_the_resolution() {
+        let frame = frame();
+        let hr = model(&frame, None).unwrap();
+        for mode in hr.modes.iter().filter(|mode| mode.interlace > 1) {
+            let mut scanner = Scanner::new(&frame, hr, *mode);
+            let first = scanner.count();
+            let mut angles_deg = Vec::new();
+            for number in 0..u64::from(mode.interlace) {
+                scanner.turn(number, 0.0);
+                // The first of a sequence has one beam more (telegram listing).
+                assert_eq!(scanner.count(), first - usize::from(number > 0), "{mode}");
+                let beams = 0..scanner.count();
+                angles_deg.extend(beams.map(|k| scanner.angle_rad(k).to_degrees()));
+                // The beam at 90 deg fires a quarter of a turn and 5 deg after the aperture's
+                // start, whichever scan it is.
+                let reference_s = scanner.lead_s() + scanner.reference_s();
+                assert!((reference_s * mode.frequency_hz - 95.0 / 360.0).abs() < 1e-12);
+            }
+            angles_deg.sort_by(f64::total_cmp);
+            assert_eq!(
+                angles_deg.len() as f64,
+                (190.0 / mode.resolution_deg()).round() + 1.0
+            );
+            for (k, angle_deg) in angles_deg.iter().enumerate() {
+                let due_deg = -5.0 + k as f64 * mode.resolution_deg();
+                assert!(
+                    (angle_deg - due_deg).abs() < 1e-9,
+                    "{mode}: {angle_deg} {due_deg}"
+                );
+            }
+            scanner.turn(u64::from(mode.interlace), 0.0);
+            assert_eq!((scanner.count(), scanner.lead_s()), (first, 0.0));
+        }
+    }
+
+    #[test]
     fn modes_are_found_or_refused_with_neighbours() {
         let hr = model(&frame(), None).unwrap();
         assert_eq!(mode(hr, None, None).unwrap().frequency_hz, 35.0);
         assert_eq!(mode(hr, Some(75.0), None).unwrap().resolution_deg(), 0.5);
+        assert_eq!(mode(hr, Some(100.0), None).unwrap().interlace, 1);
         assert_eq!(mode(hr, None, Some(0.3333)).unwrap().frequency_hz, 50.0);
         let error = mode(hr, Some(35.0), Some(0.1667)).unwrap_err().to_string();
         assert!(error.contains("35 Hz/0.1667 deg"), "{error}");

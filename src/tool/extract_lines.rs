@@ -55,19 +55,32 @@ struct ReflectorArgs {
     /// Standard deviation of a range [default: from each scan's own residuals]
     #[arg(long, value_name = "MM", value_parser = positive)]
     range_sigma_mm: Option<f64>,
-    /// Prior standard deviation of the range bias common to all beams
-    #[arg(long, value_name = "MM", default_value_t = 15.0, value_parser = positive)]
-    bias_sigma_mm: f64,
+    /// Prior standard deviation of the range bias common to all beams [default: 15]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    bias_sigma_mm: Option<f64>,
     /// Look for the reflectors anew in every scan, without the scan before as a prediction
     #[arg(long)]
     cold: bool,
 }
 
 impl ReflectorArgs {
+    /// The first option that is given.
+    fn given(&self) -> Option<&'static str> {
+        let options = [
+            (self.range_sigma_mm.is_some(), "--range-sigma-mm"),
+            (self.bias_sigma_mm.is_some(), "--bias-sigma-mm"),
+            (self.cold, "--cold"),
+        ];
+        options
+            .iter()
+            .find(|(given, _)| *given)
+            .map(|(_, name)| *name)
+    }
+
     fn options(&self) -> reflectors::Options {
         reflectors::Options {
             sigma_m: self.range_sigma_mm.map(|mm| mm / 1000.0),
-            bias_sigma_m: self.bias_sigma_mm / 1000.0,
+            bias_sigma_m: self.bias_sigma_mm.unwrap_or(15.0) / 1000.0,
             track: !self.cold,
             ..reflectors::Options::default()
         }
@@ -78,28 +91,41 @@ impl ReflectorArgs {
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "Lines of any scene")]
 struct GeneralArgs {
-    /// Standard deviation of a range; rather too large than too small
-    #[arg(long, value_name = "MM", default_value_t = 6.5, value_parser = positive)]
-    sigma_mm: f64,
-    /// Fewest beams on a line
-    #[arg(long, value_name = "N", default_value_t = 9,
-        value_parser = clap::value_parser!(u32).range(2..))]
-    min_points: u32,
-    /// Shortest line
-    #[arg(long, value_name = "M", default_value_t = 0.5, value_parser = positive)]
-    min_length_m: f64,
-    /// Widest gap within a line
-    #[arg(long, value_name = "M", default_value_t = 0.5, value_parser = positive)]
-    max_gap_m: f64,
+    /// Standard deviation of a range; rather too large than too small [default: 6.5]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    sigma_mm: Option<f64>,
+    /// Fewest beams on a line [default: 9]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    min_points: Option<u32>,
+    /// Shortest line [default: 0.5]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    min_length_m: Option<f64>,
+    /// Widest gap within a line [default: 0.5]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    max_gap_m: Option<f64>,
 }
 
 impl GeneralArgs {
+    /// The first option that is given.
+    fn given(&self) -> Option<&'static str> {
+        let options = [
+            (self.sigma_mm.is_some(), "--sigma-mm"),
+            (self.min_points.is_some(), "--min-points"),
+            (self.min_length_m.is_some(), "--min-length-m"),
+            (self.max_gap_m.is_some(), "--max-gap-m"),
+        ];
+        options
+            .iter()
+            .find(|(given, _)| *given)
+            .map(|(_, name)| *name)
+    }
+
     fn options(&self) -> SplitAndMergeOptions {
         let mut options = SplitAndMergeOptions::default();
-        options.segmentation.sigma_m = self.sigma_mm / 1000.0;
-        options.segmentation.max_gap_m = self.max_gap_m;
-        options.min_points = self.min_points as usize;
-        options.min_length_m = self.min_length_m;
+        options.segmentation.sigma_m = self.sigma_mm.unwrap_or(6.5) / 1000.0;
+        options.segmentation.max_gap_m = self.max_gap_m.unwrap_or(0.5);
+        options.min_points = self.min_points.unwrap_or(9) as usize;
+        options.min_length_m = self.min_length_m.unwrap_or(0.5);
         options
     }
 }
@@ -129,7 +155,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(_) => Method::Reflectors,
         None => Method::SplitAndMerge,
     };
-    match args.method.unwrap_or(default) {
+    let method = args.method.unwrap_or(default);
+    refuse_foreign(method, &args)?;
+    match method {
         Method::Reflectors => reflector_lines(frame, &args, &options),
         Method::SplitAndMerge => {
             let mut stage = General {
@@ -139,6 +167,18 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             stream::filter(&options, args.input.as_deref(), &mut stage)
         }
     }
+}
+
+/// Refuses an option of the other method, which would have no effect.
+fn refuse_foreign(method: Method, args: &Args) -> Result<(), Fault> {
+    let (foreign, owner, used) = match method {
+        Method::Reflectors => (args.general.given(), "split-and-merge", "reflectors"),
+        Method::SplitAndMerge => (args.reflectors.given(), "reflectors", "split-and-merge"),
+    };
+    foreign.map_or(Ok(()), |option| {
+        let text = format!("{option} belongs to --method {owner}; the method is {used}");
+        Err(Fault::Usage(text))
+    })
 }
 
 fn reflector_lines(

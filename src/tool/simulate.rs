@@ -6,11 +6,16 @@ pub use args::Args;
 
 use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
+use clap::CommandFactory;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    // The derived arguments do not tell what was written from what is a default.
+    if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
+        args::refuse_foreign(&args, &written)?;
+    }
     let (frame, text) = args.frame.read()?;
     let mut options = args.common.options("simulate")?;
     options.seed = Some(args.seed);

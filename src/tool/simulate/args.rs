@@ -194,6 +194,47 @@ struct CourseArgs {
     lag: Duration,
 }
 
+/// The trajectories (a file is "moving") and the options that each of them takes.
+const COURSE_OPTIONS: [(&str, &[&str]); 16] = [
+    ("y_range", &["grid", "random"]),
+    ("z_range", &["grid", "random"]),
+    ("x_range", &["random"]),
+    ("tilt_deg", &["random"]),
+    ("step_m", &["grid"]),
+    ("grid_pose", &["grid"]),
+    ("scans_per_pose", &["grid", "random"]),
+    ("from_pose", &["line", "loop"]),
+    ("to_pose", &["line", "loop"]),
+    ("speed_m_s", &["line", "loop"]),
+    ("acceleration_m_s2", &["loop"]),
+    ("jerk_m_s3", &["loop"]),
+    ("profile", &["loop"]),
+    ("loops", &["loop"]),
+    ("dwell", &["loop"]),
+    ("wobble_deg", &["line", "loop", "a file"]),
+];
+/// Options of every moving trajectory beside the wobble.
+const MOVING_OPTIONS: [&str; 2] = ["wobble_hz", "lag"];
+
+/// Refuses an option that was written but belongs to another trajectory.
+pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<(), Fault> {
+    let kind = match args.course.trajectory.as_str() {
+        known @ ("grid" | "random" | "line" | "loop") => known,
+        _ => "a file",
+    };
+    let moving: &[&str] = &["line", "loop", "a file"];
+    let others = MOVING_OPTIONS.into_iter().map(|option| (option, moving));
+    for (option, owners) in COURSE_OPTIONS.into_iter().chain(others) {
+        let source = written.value_source(option);
+        if source == Some(clap::parser::ValueSource::CommandLine) && !owners.contains(&kind) {
+            let (option, owners) = (option.replace('_', "-"), owners.join(", "));
+            let text = format!("--{option} belongs to --trajectory {owners}, not to {kind}");
+            return Err(Fault::Usage(text));
+        }
+    }
+    Ok(())
+}
+
 /// What the arguments describe.
 pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Result<Setup> {
     let usage = |error: scanner::ModeError| Fault::Usage(error.to_string());
