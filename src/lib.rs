@@ -10,6 +10,7 @@
 //! - [`record`] what flows: scans, IMU samples, lines, poses, trajectories; names and units
 //! - [`stream`] how it flows: CSV and MCAP, side inputs, flushing, exit statuses
 //! - [`frame`] the frame's box, reflectors and mountings, read from `frame.toml`
+//! - [`link`] sockets, serial ports and pseudo terminals
 //! - [`sick`] the SICK LMS500's telegrams
 //! - [`clock`] device ticks and time maps
 //! - [`lines`] straight lines from a scan
@@ -25,6 +26,7 @@ pub mod clock;
 pub mod edges;
 pub mod frame;
 pub mod lines;
+pub mod link;
 pub mod motion;
 pub mod pose;
 pub mod record;

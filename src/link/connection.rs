@@ -1,0 +1,391 @@
+//! An open line to a device (or, for an emulated device, to its user).
+
+use super::{Endpoint, HostInstant, Pty};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use serialport::SerialPort;
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::os::fd::AsFd;
+use std::time::{Duration, Instant};
+
+/// Why a line is of no use (any more).
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// It cannot be opened.
+    #[error("{place}: {reason}")]
+    Open {
+        /// Host and port, or the serial port.
+        place: String,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// The other side closed it, or the port is gone.
+    #[error("{place}: the connection was closed")]
+    Closed {
+        /// Host and port, or the serial port.
+        place: String,
+    },
+    /// Nothing could be written for as long as was waited.
+    #[error("{place}: nothing taken for {waited_s} s")]
+    Stuck {
+        /// Host and port, or the serial port.
+        place: String,
+        /// How long was waited, s.
+        waited_s: f64,
+    },
+    /// Any other fault.
+    #[error("{place}: {reason}")]
+    Io {
+        /// Host and port, or the serial port.
+        place: String,
+        /// What the system says.
+        reason: String,
+    },
+}
+
+/// Bytes that came, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// How many.
+    pub bytes: usize,
+    /// The host's time at which the line became readable.
+    pub at: HostInstant,
+}
+
+enum Transport {
+    Tcp(TcpStream),
+    Serial(Box<serialport::TTYPort>),
+    Pty(Pty),
+}
+
+/// An open line, read and written with time limits.
+pub struct Connection {
+    transport: Transport,
+    place: String,
+}
+
+impl Connection {
+    /// Opens a device's place: a TCP host with `default_port` unless it names one, or a serial port
+    /// at `baud` (8N1, no flow control). A host that does not answer is given up after `timeout`.
+    ///
+    /// # Errors
+    /// [`LinkError::Open`] with the reason.
+    pub fn open(
+        endpoint: &Endpoint,
+        default_port: u16,
+        baud: u32,
+        timeout: Duration,
+    ) -> Result<Connection, LinkError> {
+        match endpoint {
+            Endpoint::Tcp { host, port } => {
+                Connection::tcp(host, port.unwrap_or(default_port), timeout)
+            }
+            Endpoint::Serial(path) => Connection::serial(&path.to_string_lossy(), baud),
+        }
+    }
+
+    fn tcp(host: &str, port: u16, timeout: Duration) -> Result<Connection, LinkError> {
+        let place = Endpoint::Tcp {
+            host: host.to_owned(),
+            port: Some(port),
+        }
+        .to_string();
+        let open_error = |error: io::Error| LinkError::Open {
+            place: place.clone(),
+            reason: plain(&error),
+        };
+        let addresses = (host, port).to_socket_addrs().map_err(open_error)?;
+        let mut last = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
+        for address in addresses {
+            match TcpStream::connect_timeout(&address, timeout) {
+                Ok(stream) => return Connection::from_stream(stream).map_err(open_error),
+                Err(error) => last = error,
+            }
+        }
+        Err(open_error(last))
+    }
+
+    fn serial(path: &str, baud: u32) -> Result<Connection, LinkError> {
+        let port = serialport::new(path, baud)
+            .timeout(Duration::from_millis(100))
+            .open_native()
+            .map_err(|error| LinkError::Open {
+                place: path.to_owned(),
+                reason: error.to_string(),
+            })?;
+        Ok(Connection {
+            transport: Transport::Serial(Box::new(port)),
+            place: path.to_owned(),
+        })
+    }
+
+    /// A line over an accepted or connected socket.
+    pub fn from_stream(stream: TcpStream) -> io::Result<Connection> {
+        stream.set_nodelay(true)?;
+        stream.set_nonblocking(true)?;
+        let keepalive = socket2::TcpKeepalive::new()
+            .with_time(Duration::from_secs(5))
+            .with_interval(Duration::from_secs(1));
+        socket2::SockRef::from(&stream).set_tcp_keepalive(&keepalive)?;
+        let place = stream.peer_addr()?.to_string();
+        Ok(Connection {
+            transport: Transport::Tcp(stream),
+            place,
+        })
+    }
+
+    /// The device's end of a pseudo terminal.
+    pub fn from_pty(pty: Pty) -> Connection {
+        Connection {
+            place: pty.path().display().to_string(),
+            transport: Transport::Pty(pty),
+        }
+    }
+
+    /// Host and port, or the serial port, for messages.
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+
+    /// Whether this is a socket.
+    pub fn is_tcp(&self) -> bool {
+        matches!(self.transport, Transport::Tcp(_))
+    }
+
+    /// Changes the speed of a serial port; no effect on anything else.
+    pub fn set_baud(&mut self, baud: u32) -> Result<(), LinkError> {
+        if let Transport::Serial(port) = &mut self.transport {
+            let fault = |error: serialport::Error| LinkError::Io {
+                place: self.place.clone(),
+                reason: error.to_string(),
+            };
+            port.set_baud_rate(baud).map_err(fault)?;
+        }
+        Ok(())
+    }
+
+    /// Ends a socket in both directions.
+    pub fn shut_down(&self) {
+        if let Transport::Tcp(stream) = &self.transport {
+            // One that is down already needs no shutting.
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Reads what there is into `buffer`, waiting for it at most `timeout`; none where nothing came.
+    ///
+    /// # Errors
+    /// [`LinkError::Closed`] once the other side has gone.
+    pub fn read(
+        &mut self,
+        buffer: &mut [u8],
+        timeout: Duration,
+    ) -> Result<Option<Received>, LinkError> {
+        let due = Instant::now() + timeout;
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            let (result, at) = match &mut self.transport {
+                Transport::Serial(port) => {
+                    // A time-out of 0 waits for ever.
+                    let wait = left.max(Duration::from_millis(1));
+                    let result = port
+                        .set_timeout(wait)
+                        .map_err(io::Error::from)
+                        .and_then(|()| port.read(buffer));
+                    (result, HostInstant::now())
+                }
+                Transport::Tcp(stream) => {
+                    if !ready(stream, PollFlags::IN, left).map_err(|e| self.fault(e))? {
+                        return Ok(None);
+                    }
+                    let at = HostInstant::now();
+                    (stream_read(&self.transport, buffer), at)
+                }
+                Transport::Pty(pty) => {
+                    if !ready(&*pty, PollFlags::IN, left).map_err(|e| self.fault(e))? {
+                        return Ok(None);
+                    }
+                    let at = HostInstant::now();
+                    (stream_read(&self.transport, buffer), at)
+                }
+            };
+            match result {
+                Ok(0) => return Err(self.closed()),
+                Ok(bytes) => return Ok(Some(Received { bytes, at })),
+                Err(error) => match error.kind() {
+                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
+                        if Instant::now() >= due {
+                            return Ok(None);
+                        }
+                    }
+                    io::ErrorKind::Interrupted => {
+                        // A signal is the caller's business.
+                        return Ok(None);
+                    }
+                    _ => return Err(self.fault(error)),
+                },
+            }
+        }
+    }
+
+    /// Writes all of `bytes`, waiting for room at most `timeout`.
+    pub fn write_all(&mut self, bytes: &[u8], timeout: Duration) -> Result<(), LinkError> {
+        let due = Instant::now() + timeout;
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let written = match &mut self.transport {
+                Transport::Serial(port) => port
+                    .set_timeout(timeout.max(Duration::from_millis(1)))
+                    .map_err(io::Error::from)
+                    .and_then(|()| port.write(rest)),
+                Transport::Tcp(stream) => (&*stream).write(rest),
+                Transport::Pty(pty) => rustix::io::write(&*pty, rest).map_err(io::Error::from),
+            };
+            match written {
+                Ok(0) => return Err(self.closed()),
+                Ok(count) => rest = rest.get(count..).unwrap_or_default(),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
+                    ) =>
+                {
+                    let left = due.saturating_duration_since(Instant::now());
+                    let room = match &self.transport {
+                        Transport::Tcp(stream) => ready(stream, PollFlags::OUT, left),
+                        Transport::Pty(pty) => ready(pty, PollFlags::OUT, left),
+                        Transport::Serial(_) => Ok(!left.is_zero()),
+                    };
+                    if !room.map_err(|e| self.fault(e))? {
+                        return Err(LinkError::Stuck {
+                            place: self.place.clone(),
+                            waited_s: timeout.as_secs_f64(),
+                        });
+                    }
+                }
+                Err(error) => return Err(self.fault(error)),
+            }
+        }
+        Ok(())
+    }
+
+    fn closed(&self) -> LinkError {
+        LinkError::Closed {
+            place: self.place.clone(),
+        }
+    }
+
+    fn fault(&self, error: io::Error) -> LinkError {
+        use io::ErrorKind as Kind;
+        match error.kind() {
+            Kind::BrokenPipe
+            | Kind::ConnectionReset
+            | Kind::ConnectionAborted
+            | Kind::NotConnected
+            | Kind::UnexpectedEof => self.closed(),
+            // The other end of a pseudo terminal, or an adapter, is gone.
+            _ if error.raw_os_error() == Some(Errno::IO.raw_os_error()) => self.closed(),
+            _ => LinkError::Io {
+                place: self.place.clone(),
+                reason: plain(&error),
+            },
+        }
+    }
+}
+
+fn stream_read(transport: &Transport, buffer: &mut [u8]) -> io::Result<usize> {
+    match transport {
+        Transport::Tcp(stream) => (&*stream).read(buffer),
+        Transport::Pty(pty) => rustix::io::read(pty, buffer).map_err(io::Error::from),
+        Transport::Serial(_) => Err(io::ErrorKind::Unsupported.into()),
+    }
+}
+
+/// Waits until a line can be read or written, to the nanosecond: a socket's own read time-out is
+/// rounded to the kernel's ticks. An error or a hang-up counts as ready; reading then says which.
+fn ready(line: impl AsFd, what: PollFlags, timeout: Duration) -> io::Result<bool> {
+    let timeout = Timespec {
+        tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
+        tv_nsec: timeout.subsec_nanos().into(),
+    };
+    let mut lines = [PollFd::new(&line, what)];
+    match poll(&mut lines, Some(&timeout)) {
+        Ok(count) => Ok(count > 0),
+        Err(Errno::INTR) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// What went wrong, without the system's number for it.
+fn plain(error: &io::Error) -> String {
+    let text = error.to_string();
+    text.split(" (os error")
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::TcpListener;
+
+    const WAIT: Duration = Duration::from_secs(5);
+
+    fn exchange(mut here: Connection, mut there: Connection) {
+        let mut buffer = [0; 600];
+        assert_eq!(
+            here.read(&mut buffer, Duration::from_millis(5)).unwrap(),
+            None
+        );
+        let all: Vec<u8> = (0..=255).collect();
+        there.write_all(&all, WAIT).unwrap();
+        let mut got = Vec::new();
+        while got.len() < all.len() {
+            let received = here.read(&mut buffer, WAIT).unwrap().unwrap();
+            assert!(received.at.raw_ns <= HostInstant::now().raw_ns);
+            got.extend_from_slice(&buffer[..received.bytes]);
+        }
+        assert_eq!(got, all);
+        drop(there);
+        assert!(matches!(
+            here.read(&mut buffer, WAIT),
+            Err(LinkError::Closed { .. })
+        ));
+    }
+
+    #[test]
+    fn sockets_carry_bytes_and_tell_the_end() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let endpoint: Endpoint = address.to_string().parse().unwrap();
+        let here = Connection::open(&endpoint, 1, 0, WAIT).unwrap();
+        let there = Connection::from_stream(listener.accept().unwrap().0).unwrap();
+        exchange(here, there);
+        drop(listener);
+        let error = Connection::open(&endpoint, 1, 0, WAIT).err().unwrap();
+        assert_eq!(error.to_string(), format!("{address}: Connection refused"));
+    }
+
+    #[test]
+    fn ptys_carry_every_byte_and_tell_the_end() {
+        let pty = Pty::open().unwrap();
+        let endpoint = Endpoint::Serial(pty.path().to_owned());
+        let there = Connection::from_pty(pty);
+        let here = Connection::open(&endpoint, 0, 115_200, WAIT).unwrap();
+        exchange(here, there);
+    }
+
+    #[test]
+    fn who_reads_nothing_does_not_hold_the_writer_for_ever() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint: Endpoint = listener.local_addr().unwrap().to_string().parse().unwrap();
+        let mut here = Connection::open(&endpoint, 1, 0, WAIT).unwrap();
+        let _there = listener.accept().unwrap();
+        let much = vec![0; 64 << 20];
+        let error = here.write_all(&much, Duration::from_millis(50));
+        assert!(matches!(error, Err(LinkError::Stuck { .. })));
+    }
+}

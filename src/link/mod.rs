@@ -1,0 +1,26 @@
+//! How bytes reach a device and come back: sockets, serial ports and pseudo terminals, with time
+//! limits and the host's time of arrival.
+//!
+//! The only place that opens a socket or a port. A device's room turns bytes into meaning and knows
+//! nothing of where they come from.
+//!
+//! - [`Endpoint`] where a device is: `lms.local:2112`, `/dev/ttyUSB0`
+//! - [`Connection`] an open line, read and written with time limits
+//! - [`HostInstant`] an instant on both of the host's clocks
+//! - [`Pty`] a pseudo terminal that stands in for a serial port
+//! - [`Backoff`] how long to wait before the next attempt
+//! - [`Pacing`] when a simulated device is due to speak
+
+mod backoff;
+mod connection;
+mod endpoint;
+mod host_clock;
+mod pacing;
+mod pty;
+
+pub use backoff::Backoff;
+pub use connection::{Connection, LinkError, Received};
+pub use endpoint::{Endpoint, EndpointError};
+pub use host_clock::HostInstant;
+pub use pacing::Pacing;
+pub use pty::Pty;
