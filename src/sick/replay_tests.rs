@@ -236,7 +236,10 @@ fn a_step_of_real_time_moves_the_stamps_and_not_the_map() {
         };
         let scan = replay.push(&telegram, Some(arrival)).unwrap().unwrap();
         let index_ns = (sent_us - 40_000 + 100) * 1000 + utc_minus_raw_ns;
-        assert!((scan.stamp.ns() - index_ns).abs() < 2000, "{number}");
+        // The line leans while its points are few.
+        let allowed_ns = if number < 20 { 20_000 } else { 2000 };
+        let off_ns = (scan.stamp.ns() - index_ns).abs();
+        assert!(off_ns < allowed_ns, "scan {number}: {off_ns} ns");
     }
     assert_eq!(replay.counts().restarts, 0);
 }
