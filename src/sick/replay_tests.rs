@@ -222,7 +222,7 @@ fn a_step_of_real_time_moves_the_stamps_and_not_the_map() {
     for number in 0..200 {
         let telegram = telegram(5000, number);
         let sent_us = 5000 + 40_100 * i64::from(number) + 40_000;
-        let delay_us = 100 + i64::from(number % 7) * 130;
+        let delay_us = 100 + i64::from(number * 5 % 7) * 130;
         let raw_ns = (sent_us + delay_us) * 1000;
         // Real time is set forward by an hour, then back by two.
         let utc_minus_raw_ns = match number {
