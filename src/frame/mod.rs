@@ -20,8 +20,10 @@
 
 mod config;
 mod crossing;
+mod imu_axes;
 mod scanner_model;
 
 pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
+pub use imu_axes::ImuAxes;
 pub use scanner_model::{Optics, ScanMode, ScannerModel};
