@@ -98,6 +98,16 @@ pub struct ImuSample {
     pub mag_y_gauss: f64,
     /// Magnetic field along z, gauss.
     pub mag_z_gauss: f64,
+    /// Standard deviation of roll, rad; NaN where the source does not state it.
+    pub roll_sigma_rad: f64,
+    /// Standard deviation of pitch, rad.
+    pub pitch_sigma_rad: f64,
+    /// Standard deviation of yaw, rad.
+    pub yaw_sigma_rad: f64,
+    /// Standard deviation of each angular rate, rad/s.
+    pub gyro_sigma_rad_s: f64,
+    /// Standard deviation of each specific force, m/s^2.
+    pub accel_sigma_m_s2: f64,
 }
 
 impl Default for ImuSample {
@@ -120,6 +130,11 @@ impl Default for ImuSample {
             mag_x_gauss: f64::NAN,
             mag_y_gauss: f64::NAN,
             mag_z_gauss: f64::NAN,
+            roll_sigma_rad: f64::NAN,
+            pitch_sigma_rad: f64::NAN,
+            yaw_sigma_rad: f64::NAN,
+            gyro_sigma_rad_s: f64::NAN,
+            accel_sigma_m_s2: f64::NAN,
         }
     }
 }
@@ -142,4 +157,9 @@ columns!(ImuSample, kind = "imu", stamp = stamp, {
     Optional "mag_x_gauss" => mag_x_gauss;
     Optional "mag_y_gauss" => mag_y_gauss;
     Optional "mag_z_gauss" => mag_z_gauss;
+    Extra "roll_sigma_rad" => roll_sigma_rad;
+    Extra "pitch_sigma_rad" => pitch_sigma_rad;
+    Extra "yaw_sigma_rad" => yaw_sigma_rad;
+    Extra "gyro_sigma_rad_s" => gyro_sigma_rad_s;
+    Extra "accel_sigma_m_s2" => accel_sigma_m_s2;
 });

@@ -71,6 +71,8 @@ pub(super) fn imu() -> ImuSample {
         mag_x_gauss: 0.2,
         mag_y_gauss: 0.0,
         mag_z_gauss: 0.45,
+        pitch_sigma_rad: 0.004,
+        accel_sigma_m_s2: 0.026,
         ..ImuSample::default()
     }
 }
@@ -186,6 +188,8 @@ prop_compose! {
         stamps in (stamp(), option::of(stamp()), option::of(stamp()), any::<u32>()),
         axes in prop_oneof![Just(Axes::Ned), Just(Axes::Enu), Just(Axes::Platform)],
         n in vec(number(), 12),
+        // A column that is there in some rows only would be left out by the first.
+        sigma in vec(1e-6..10.0f64, 5),
     ) -> ImuSample {
         ImuSample {
             stamp: stamps.0,
@@ -205,6 +209,11 @@ prop_compose! {
             mag_x_gauss: n[9],
             mag_y_gauss: n[10],
             mag_z_gauss: n[11],
+            roll_sigma_rad: sigma[0],
+            pitch_sigma_rad: sigma[1],
+            yaw_sigma_rad: sigma[2],
+            gyro_sigma_rad_s: sigma[3],
+            accel_sigma_m_s2: sigma[4],
         }
     }
 }
@@ -337,7 +346,18 @@ prop_compose! {
 }
 
 prop_compose! {
-    pub(super) fn any_exchange()(s in (stamp(), stamp(), stamp())) -> ClockExchange {
-        ClockExchange { host_send: s.0, device: s.1, host_receive: s.2 }
+    pub(super) fn any_exchange()(
+        s in (stamp(), stamp(), stamp()), more in (stamp(), stamp(), any::<u32>()),
+    ) -> ClockExchange {
+        ClockExchange {
+            host_send: s.0,
+            device: s.1,
+            host_receive: s.2,
+            host_last: Some(more.0),
+            host_send_raw: Some(more.1),
+            host_receive_raw: Some(more.0),
+            request_bytes: Some(more.2),
+            reply_bytes: None,
+        }
     }
 }

@@ -92,18 +92,27 @@ impl Messages for ImuSample {
 }
 
 /// The standard message. A quantity that is missing has -1 in its covariance, as the definition
-/// asks; a heading alone that is missing has a huge variance.
+/// asks; a heading alone that is missing has a huge variance; a variance that is not known is 0.
 fn to_message(sample: &ImuSample, header: Header) -> Imu {
     let or_zero = |v: f64| if v.is_finite() { v } else { 0.0 };
-    let stated = |values: [f64; 3]| {
+    let variance = |sigma: f64| if sigma > 0.0 { sigma * sigma } else { 0.0 };
+    let stated = |values: [f64; 3], sigmas: [f64; 3]| {
         let mut covariance = [0.0; 9];
+        for (k, sigma) in sigmas.into_iter().enumerate() {
+            covariance[4 * k] = variance(sigma);
+        }
         if values.iter().all(|v| !v.is_finite()) {
             covariance[0] = -1.0;
         }
         (Vector3::new(values.map(or_zero)), covariance)
     };
     let attitude = [sample.roll_rad, sample.pitch_rad, sample.yaw_rad];
-    let (_, mut orientation_covariance) = stated([attitude[0], attitude[1], f64::NAN]);
+    let sigmas = [
+        sample.roll_sigma_rad,
+        sample.pitch_sigma_rad,
+        sample.yaw_sigma_rad,
+    ];
+    let (_, mut orientation_covariance) = stated([attitude[0], attitude[1], f64::NAN], sigmas);
     if !sample.yaw_rad.is_finite() {
         orientation_covariance[8] = UNKNOWN_VARIANCE;
     }
@@ -117,8 +126,10 @@ fn to_message(sample: &ImuSample, header: Header) -> Imu {
         sample.accel_y_m_s2,
         sample.accel_z_m_s2,
     ];
-    let (angular_velocity, angular_velocity_covariance) = stated(gyro);
-    let (linear_acceleration, linear_acceleration_covariance) = stated(accel);
+    let (angular_velocity, angular_velocity_covariance) =
+        stated(gyro, [sample.gyro_sigma_rad_s; 3]);
+    let (linear_acceleration, linear_acceleration_covariance) =
+        stated(accel, [sample.accel_sigma_m_s2; 3]);
     Imu {
         header,
         orientation: rotation::quaternion(attitude.map(or_zero)),
@@ -149,6 +160,14 @@ fn from_message(imu: &Imu, sequence: u32) -> ImuSample {
         imu.linear_acceleration.to_array(),
         &imu.linear_acceleration_covariance,
     );
+    let sigma = |covariance: &[f64; 9], k: usize| {
+        let variance = covariance[4 * k];
+        if variance > 0.0 && variance < UNKNOWN_VARIANCE {
+            variance.sqrt()
+        } else {
+            f64::NAN
+        }
+    };
     let frame = FRAMES
         .iter()
         .find(|(_, frame)| *frame == imu.header.frame_id);
@@ -165,6 +184,11 @@ fn from_message(imu: &Imu, sequence: u32) -> ImuSample {
         accel_x_m_s2,
         accel_y_m_s2,
         accel_z_m_s2,
+        roll_sigma_rad: sigma(&imu.orientation_covariance, 0),
+        pitch_sigma_rad: sigma(&imu.orientation_covariance, 1),
+        yaw_sigma_rad: sigma(&imu.orientation_covariance, 2),
+        gyro_sigma_rad_s: sigma(&imu.angular_velocity_covariance, 0),
+        accel_sigma_m_s2: sigma(&imu.linear_acceleration_covariance, 0),
         ..ImuSample::default()
     }
 }

@@ -163,6 +163,8 @@ fn standard_topics_alone_can_be_read() {
     assert_eq!(foreign[0].axes, imu.axes);
     assert!((foreign[0].pitch_rad - imu.pitch_rad).abs() < 1e-14);
     assert!((foreign[0].mag_z_gauss - imu.mag_z_gauss).abs() < 1e-14);
+    assert!((foreign[0].pitch_sigma_rad - imu.pitch_sigma_rad).abs() < 1e-15);
+    assert!(foreign[0].roll_sigma_rad.is_nan());
     assert!(foreign[0].yaw_rad.is_nan() && foreign[0].gyro_x_rad_s.is_nan());
 
     let point = samples::point();
