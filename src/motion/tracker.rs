@@ -237,6 +237,8 @@ impl Tracker {
         let [x, y, z, a, b, c] = expected;
         self.origin_m += Vector3::new(x, y, z);
         self.attitude = turn::turn(Vector3::new(a, b, c)) * impulse.turn * self.attitude;
+        // Rounding would add up, and faster where the turn itself comes from this attitude.
+        self.attitude.renormalize();
     }
 
     /// The motion within `span_s` of a pose. `own` says that it is the last one measured.

@@ -138,9 +138,8 @@ const EXAMPLES: &str = "\
 EXAMPLES
   By the poses' own motion, 62 ms on:
     compensate-delay --delay 62ms poses.csv > used.csv
-  By the motion that was asked for:
-    simulate -f frame.toml --n-scans 20 --desired desired.csv > scans.csv
-    compensate-delay --delay 62ms --motion desired.csv poses.csv > used.csv
+  By the motion that was asked for, here the /desired of a recorded run:
+    compensate-delay --delay 62ms --motion run.mcap poses.csv > used.csv
   By the IMU, in the chain:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv \\
       | compensate-delay --delay 62ms --imu imu.csv > used.csv
