@@ -64,7 +64,7 @@ pub enum AlignmentError {
 }
 
 /// Fewest scans.
-pub const FEWEST: usize = 64;
+pub const FEWEST: usize = 16;
 /// Numbers of blocks of the run that the uncertainty is made from. Few long blocks hold slow errors,
 /// many short ones give a steadier figure: the largest of the three counts.
 const BLOCKS: [usize; 3] = [8, 16, 32];
