@@ -24,3 +24,4 @@ mod fields;
 pub mod replay;
 pub mod scan;
 pub mod scandata;
+mod succession;

@@ -2,6 +2,7 @@
 
 use super::common::CommonArgs;
 use crate::frame::Frame;
+use crate::link::HostInstant;
 use crate::record::{Scan, Stamp};
 use crate::sick::arrivals::{Arrivals, parse_seconds_ns};
 use crate::sick::cola::{Event, Framer, Skipped, Telegram};
@@ -244,7 +245,8 @@ impl Decoding {
         }
         let arrivals = self.arrivals.as_ref();
         let arrival_ns = arrivals.and_then(|arrivals| arrivals.at(telegram.offset));
-        match self.replay.push(&self.telegram, arrival_ns) {
+        let arrival = arrival_ns.map(HostInstant::from_one_clock);
+        match self.replay.push(&self.telegram, arrival) {
             Ok(None) => Ok(()),
             Ok(Some(scan)) => {
                 self.surplus += u64::from(self.telegram.surplus > 0);
