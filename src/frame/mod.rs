@@ -20,6 +20,7 @@
 
 mod config;
 mod crossing;
+pub mod edit;
 mod scanner_model;
 
 pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};

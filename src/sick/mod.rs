@@ -22,3 +22,4 @@ mod fields;
 pub mod replay;
 pub mod scan;
 pub mod scandata;
+mod succession;

@@ -243,10 +243,8 @@ impl Decoding {
             return self.fault(telegram.offset, &error.to_string());
         }
         let arrivals = self.arrivals.as_ref();
-        let arrival_ns = arrivals
-            .and_then(|arrivals| arrivals.at(telegram.last_offset()))
-            .map(|at| at.utc.ns());
-        match self.replay.push(&self.telegram, arrival_ns) {
+        let arrival = arrivals.and_then(|arrivals| arrivals.at(telegram.last_offset()));
+        match self.replay.push(&self.telegram, arrival) {
             Ok(None) => Ok(()),
             Ok(Some(scan)) => {
                 self.surplus += u64::from(self.telegram.surplus > 0);
