@@ -21,6 +21,7 @@
 mod attitude;
 mod config;
 mod crossing;
+pub mod edit;
 mod scanner_model;
 
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
