@@ -10,10 +10,12 @@
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
 //! - [`Backoff`] how long to wait before the next attempt
 //! - [`Pacing`] when a simulated device is due to speak
+//! - [`emulation`] the lines of an emulated device: sockets and ptys, their clients, their faults
 //! - [`faults`] what shall go wrong on an emulated device's lines
 
 mod backoff;
 mod connection;
+pub mod emulation;
 mod endpoint;
 pub mod faults;
 mod host_clock;
