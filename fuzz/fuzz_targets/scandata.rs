@@ -1,6 +1,7 @@
 //! Any arguments of LMDscandata, in either dialect: parsing and making a scan never panics.
 #![no_main]
 
+use cablepose::link::HostInstant;
 use cablepose::sick::cola::{Dialect, Telegram};
 use cablepose::sick::replay::{Replay, Settings};
 use cablepose::sick::scandata::LmdScandata;
@@ -19,7 +20,7 @@ fuzz_target!(|input: (bool, Vec<(Option<i64>, Vec<u8>)>)| {
         let body = [head, &arguments[..]].concat();
         let telegram = Telegram { dialect, offset: 0, body: &body };
         if scan.parse(&telegram).is_ok() {
-            let _ = replay.push(&scan, arrival_ns);
+            let _ = replay.push(&scan, arrival_ns.map(HostInstant::from_one_clock));
         }
     }
 });

@@ -7,7 +7,7 @@
 //! - [`scan`] turns one into a [`Scan`](crate::record::Scan) record; [`replay`] does so for a stream,
 //!   with unwrapped time, lost and repeated scans
 //! - [`emulator`] a device that behaves like an LMS5xx
-//! - [`arrivals`] the arrival times kept beside a recording
+//! - [`client`] the host's side: requests, answers, a session with a scanner
 //!
 //! The device counts angles from 0 deg at its right to 90 deg straight ahead, counter-clockwise
 //! from above, which is the beam angle in S directly.
@@ -16,7 +16,7 @@
 //! and recorded streams of an LMS511, an LMS111 and several LMS5xx units.
 
 pub mod angles;
-pub mod arrivals;
+pub mod client;
 pub mod cola;
 pub mod emulator;
 pub mod encode;
@@ -24,3 +24,4 @@ mod fields;
 pub mod replay;
 pub mod scan;
 pub mod scandata;
+mod succession;

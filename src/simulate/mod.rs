@@ -19,6 +19,7 @@ mod clock;
 mod course;
 mod coverage;
 pub mod effects;
+pub mod exchanges;
 mod inertial;
 mod jitter;
 mod occlusion;

@@ -346,7 +346,18 @@ prop_compose! {
 }
 
 prop_compose! {
-    pub(super) fn any_exchange()(s in (stamp(), stamp(), stamp())) -> ClockExchange {
-        ClockExchange { host_send: s.0, device: s.1, host_receive: s.2 }
+    pub(super) fn any_exchange()(
+        s in (stamp(), stamp(), stamp()), more in (stamp(), stamp(), any::<u32>()),
+    ) -> ClockExchange {
+        ClockExchange {
+            host_send: s.0,
+            device: s.1,
+            host_receive: s.2,
+            host_last: Some(more.0),
+            host_send_raw: Some(more.1),
+            host_receive_raw: Some(more.0),
+            request_bytes: Some(more.2),
+            reply_bytes: None,
+        }
     }
 }

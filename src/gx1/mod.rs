@@ -1,0 +1,34 @@
+//! The MicroStrain 3DM-GX1: commands, replies, EEPROM, ticks, and a session with the unit.
+//!
+//! - [`Command`] what can be asked and how long each reply is, with every word's meaning
+//! - [`Packet`] a reply with header and checksum, word by word; [`packet::encode`] writes one
+//! - [`scale`] from words to radians, m/s^2, rad/s and gauss, with the unit's own [`Gains`]
+//! - [`eeprom`] the cells, their defaults, and which of them must not be written
+//! - [`ticks`] the length of a tick and of a calculation cycle
+//!
+//! The device speaks big-endian 16 bit words. A reply begins with the command's byte and ends with
+//! the sum of everything before; there is no other mark, so that a reply is only known as one
+//! where it is expected.
+//!
+//! Sources: MicroStrain's data communication protocol of the predecessor 3DM-G (rev 2.11, 2003) and
+//! its manual, the maker's sample code for the GX1 (2010), and eight public drivers that were run
+//! with a GX1. Where only one of them says so, or none, the text says "unconfirmed".
+
+pub mod command;
+pub mod eeprom;
+pub mod packet;
+pub mod scale;
+pub mod ticks;
+
+pub use command::{Argument, Command, Word};
+pub use packet::{Packet, PacketError};
+pub use scale::Gains;
+pub use ticks::TickFactors;
+
+/// The speeds of the line that the unit can be set to, most likely first, Bd.
+pub const BAUD_RATES: [u32; 3] = [38_400, 115_200, 19_200];
+
+/// Time that `bytes` take on the line at `baud` (8N1: ten bits a byte), s.
+pub fn wire_time_s(bytes: usize, baud: u32) -> f64 {
+    bytes as f64 * 10.0 / f64::from(baud.max(1))
+}
