@@ -1,15 +1,18 @@
 //! solve-pose: reflector lines with strip edges in, poses with covariance out.
 
 use crate::frame::Frame;
+use crate::frame::edit;
+use crate::pose::alignment::{self, Aligner, Alignment, Observation};
 use crate::pose::joint;
-use crate::pose::pitch::{self, Pitch};
+use crate::pose::pitch::{self, Attitude, Lookup, Pitch, Settings};
 use crate::pose::vote;
-use crate::record::{ImuSample, Pose, ReflectorLines};
-use crate::stream::{self, Emit, Outcome, SideInput, Stage};
+use crate::record::{Face, ImuSample, Pose, ReflectorLines, Stamp};
+use crate::stream::{self, Emit, Fault, Outcome, SideInput, Stage};
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
+use anyhow::Context;
 use std::collections::VecDeque;
-use std::path::PathBuf;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// The command line.
 #[derive(Debug, clap::Parser)]
@@ -36,6 +39,8 @@ pub struct Args {
     #[command(flatten)]
     pitch: PitchArgs,
     #[command(flatten)]
+    align: AlignArgs,
+    #[command(flatten)]
     common: CommonArgs,
 }
 
@@ -55,21 +60,37 @@ struct PitchArgs {
     /// IMU samples, a file or a FIFO, CSV or MCAP [default: those in an MCAP input]
     #[arg(long, value_name = "FILE", conflicts_with = "pitch_deg")]
     imu: Option<PathBuf>,
-    /// Standard deviation of the IMU's pitch
-    #[arg(long, value_name = "DEG", default_value_t = 0.5, value_parser = not_negative)]
-    imu_pitch_sigma_deg: f64,
+    /// Standard deviation of the IMU's pitch [default: the samples' own, 0.5 where they have none]
+    #[arg(long, value_name = "DEG", value_parser = not_negative)]
+    imu_pitch_sigma_deg: Option<f64>,
     /// How long a live IMU is waited for
     #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration)]
     imu_wait: Duration,
     /// A sample further than this from the scan is stale
     #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = parse_duration)]
     imu_max_age: Duration,
+    /// Samples further apart than this many usual periods are not blended
+    #[arg(long, value_name = "PERIODS", default_value_t = 3.0, value_parser = not_negative)]
+    imu_max_gap: f64,
     /// A constant pitch in place of an IMU [default without an IMU: 0, sigma 1 deg, status no-imu]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pitch_deg: Option<f64>,
     /// Standard deviation of --pitch-deg
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative)]
     pitch_sigma_deg: f64,
+}
+
+/// Where the IMU sits on the platform.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Alignment")]
+struct AlignArgs {
+    /// Find how the IMU sits on the platform and write the frame file with that imu.rotation_deg;
+    /// roll from every scan, pitch where strips on the walls show it
+    #[arg(long, value_name = "FILE", conflicts_with = "pitch_deg")]
+    align_imu: Option<PathBuf>,
+    /// The platform kept its x while its height changed: this shows the IMU's pitch too
+    #[arg(long, requires = "align_imu")]
+    align_x_constant: bool,
 }
 
 const EXAMPLES: &str = "\
@@ -80,36 +101,53 @@ EXAMPLES
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
+  How the IMU sits on the platform, from a run in the plane x = 0:
+    solve-pose -f frame.toml --imu imu.csv --align-imu aligned.toml --align-x-constant lines.csv \\
+      > poses.csv
   The published method, to be compared with the default one:
     solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut options = args.common.options("solve-pose")?;
+    if args.align.align_imu.is_some() && args.method != Method::Joint {
+        let why = "--align-imu needs --method joint: the vote has no covariances";
+        return Err(Fault::Usage(why.to_owned()).into());
+    }
     let (frame, text) = args.frame.read()?;
-    options.configuration = Some(text);
+    options.configuration = Some(text.clone());
     let source = match (&args.pitch.imu, args.pitch.pitch_deg) {
-        (Some(path), _) => Source::Imu {
+        (Some(path), _) => Source::Side {
             samples: Box::new(SideInput::open(path, &options)?),
-            sigma_rad: args.pitch.imu_pitch_sigma_deg.to_radians(),
             wait: args.pitch.imu_wait,
-            max_age_s: args.pitch.imu_max_age.as_secs_f64(),
         },
         (None, Some(deg)) => Source::Constant(Pitch {
             rad: deg.to_radians(),
             sigma_rad: args.pitch.pitch_sigma_deg.to_radians(),
             stale: false,
         }),
-        (None, None) => Source::Stream {
-            samples: VecDeque::new(),
-            sigma_rad: args.pitch.imu_pitch_sigma_deg.to_radians(),
-            max_age_s: args.pitch.imu_max_age.as_secs_f64(),
-        },
+        (None, None) => Source::Stream(VecDeque::new()),
     };
+    let lookup = Lookup::new(Settings {
+        sigma_rad: args.pitch.imu_pitch_sigma_deg.map(f64::to_radians),
+        max_age_s: args.pitch.imu_max_age.as_secs_f64(),
+        max_gap_periods: args.pitch.imu_max_gap,
+    });
+    let align = args.align.align_imu.map(|path| Align {
+        path,
+        text,
+        x_constant: args.align.align_x_constant,
+        aligner: Aligner::default(),
+        quiet: options.quiet,
+    });
     let mut stage = Solve {
         frame,
         method: args.method,
         source,
+        lookup,
+        instants: Vec::new(),
+        changes_rad: Vec::new(),
+        align,
         solved: 0,
         unsolved: 0,
     };
@@ -118,19 +156,13 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 
 /// Where each scan's pitch comes from.
 enum Source {
-    Imu {
+    Side {
         samples: Box<SideInput<ImuSample>>,
-        sigma_rad: f64,
         wait: Duration,
-        max_age_s: f64,
     },
     Constant(Pitch),
     /// The samples that travel in the same MCAP stream, if it has any.
-    Stream {
-        samples: VecDeque<ImuSample>,
-        sigma_rad: f64,
-        max_age_s: f64,
-    },
+    Stream(VecDeque<ImuSample>),
 }
 
 /// How many samples of the stream are kept: a second of a fast IMU.
@@ -141,46 +173,66 @@ struct Solve {
     frame: Frame,
     method: Method,
     source: Source,
+    lookup: Lookup,
+    /// The instants at which a scan needs the attitude, in order of time: its reference instant
+    /// (no index) and its edges.
+    instants: Vec<(Stamp, Option<usize>)>,
+    /// By how much the pitch at each edge differs from that at the reference instant, rad.
+    changes_rad: Vec<f64>,
+    align: Option<Align>,
     solved: u64,
     unsolved: u64,
 }
 
 impl Solve {
-    fn pitch(&mut self, lines: &ReflectorLines) -> anyhow::Result<Option<Pitch>> {
-        match &mut self.source {
-            Source::Stream {
-                samples,
-                sigma_rad,
-                max_age_s,
-            } => {
-                let after = samples.partition_point(|s| s.stamp <= lines.stamp);
-                let before = after.checked_sub(1).and_then(|i| samples.get(i));
-                let around = (before, samples.get(after));
-                Ok(pitch::at(
-                    lines.stamp,
-                    around,
-                    &self.frame,
-                    *sigma_rad,
-                    *max_age_s,
-                ))
-            }
-            Source::Constant(pitch) => Ok(Some(*pitch)),
-            Source::Imu {
-                samples,
-                sigma_rad,
-                wait,
-                max_age_s,
-            } => {
-                let around = samples.around(lines.stamp, *wait)?;
-                Ok(pitch::at(
-                    lines.stamp,
-                    around,
-                    &self.frame,
-                    *sigma_rad,
-                    *max_age_s,
-                ))
+    /// The IMU's attitude at the lines' reference instant; the changes of pitch at the edges are
+    /// put into `changes_rad`.
+    fn attitude(&mut self, lines: &ReflectorLines) -> anyhow::Result<Option<Attitude>> {
+        self.changes_rad.clear();
+        self.changes_rad.resize(lines.edges.len(), 0.0);
+        self.instants.clear();
+        self.instants.push((lines.stamp, None));
+        for (i, edge) in lines.edges.iter().enumerate() {
+            self.instants
+                .push((lines.stamp.plus_s(edge.time_s), Some(i)));
+        }
+        // A side input is read forwards only.
+        self.instants.sort_by_key(|(stamp, _)| *stamp);
+        let begun = Instant::now();
+        let mut at_reference = None;
+        for (stamp, edge) in &self.instants {
+            let around = match &mut self.source {
+                Source::Constant(_) => return Ok(None),
+                Source::Stream(samples) => {
+                    let after = samples.partition_point(|s| s.stamp <= *stamp);
+                    let before = after.checked_sub(1).and_then(|i| samples.get(i));
+                    (before, samples.get(after))
+                }
+                Source::Side { samples, wait } => {
+                    let left = wait.saturating_sub(begun.elapsed());
+                    samples.around(*stamp, left)?
+                }
+            };
+            let found = self.lookup.at(*stamp, around, &self.frame);
+            match edge.and_then(|i| self.changes_rad.get_mut(i)) {
+                None => at_reference = found,
+                Some(change) => {
+                    *change = found.filter(|a| !a.stale).map_or(f64::NAN, |a| a.pitch_rad)
+                }
             }
         }
+        let fresh_rad = at_reference
+            .filter(|a: &Attitude| !a.stale)
+            .map(|a| a.pitch_rad);
+        for change in &mut self.changes_rad {
+            let difference = fresh_rad.map_or(0.0, |reference_rad| *change - reference_rad);
+            *change = if difference.is_finite() {
+                difference
+            } else {
+                0.0
+            };
+        }
+        Ok(at_reference)
     }
 }
 
@@ -189,9 +241,17 @@ impl Stage for Solve {
     type Out = Pose;
 
     fn push(&mut self, lines: &ReflectorLines, emit: &mut Emit<'_, Pose>) -> anyhow::Result<()> {
-        let pitch = self.pitch(lines)?;
+        let attitude = self.attitude(lines)?;
+        let pitch = match self.source {
+            Source::Constant(pitch) => Some(pitch),
+            _ => attitude.map(|a| a.pitch()),
+        };
+        let solve = |pitch| {
+            let options = joint::Options::default();
+            joint::solve_pitching(lines, &self.frame, pitch, &self.changes_rad, &options)
+        };
         let pose = match self.method {
-            Method::Joint => joint::solve(lines, &self.frame, pitch, &joint::Options::default()),
+            Method::Joint => solve(pitch),
             Method::Vote => {
                 let pose = vote::pose(lines, &self.frame, pitch.map_or(0.0, |p| p.rad));
                 Pose {
@@ -200,6 +260,9 @@ impl Stage for Solve {
                 }
             }
         };
+        if let (Some(align), Some(attitude)) = (&mut self.align, attitude.filter(|a| !a.stale)) {
+            align.add(&pose, &attitude, &self.frame, solve);
+        }
         if pose.is_solved() {
             self.solved += 1;
         } else {
@@ -209,11 +272,11 @@ impl Stage for Solve {
     }
 
     fn wants_imu(&self) -> bool {
-        matches!(self.source, Source::Stream { .. })
+        matches!(self.source, Source::Stream(_))
     }
 
     fn imu(&mut self, sample: &ImuSample) {
-        if let Source::Stream { samples, .. } = &mut self.source {
+        if let Source::Stream(samples) = &mut self.source {
             if samples.len() == KEPT {
                 samples.pop_front();
             }
@@ -229,13 +292,120 @@ impl Stage for Solve {
                 self.unsolved
             );
         }
+        let aligned = match &self.align {
+            Some(align) => align.write(&self.frame)?,
+            None => true,
+        };
         let nothing = self.solved == 0 && self.unsolved > 0;
-        Ok(if nothing {
+        Ok(if nothing || !aligned {
             Outcome::Degraded
         } else {
             Outcome::Done
         })
     }
+}
+
+/// The search for the IMU's mounting.
+struct Align {
+    path: PathBuf,
+    /// The frame file's text.
+    text: String,
+    x_constant: bool,
+    aligner: Aligner,
+    quiet: bool,
+}
+
+/// Prior of the pitch where the scan is to show it itself, rad: so wide that it says nothing.
+const WIDE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Prior with which x is taken to depend on the pitch alone, rad: so narrow that the edges do not
+/// move it.
+const NARROW_RAD: f64 = 0.05 * std::f64::consts::PI / 180.0;
+
+impl Align {
+    fn add(
+        &mut self,
+        pose: &Pose,
+        attitude: &Attitude,
+        frame: &Frame,
+        solve: impl Fn(Option<Pitch>) -> Pose,
+    ) {
+        let sigma = |pose: &Pose, k: usize| pose.cov(k, k).sqrt();
+        let roll_rad = [pose.rotation_rad[0], sigma(pose, 3)];
+        if !(roll_rad[0].is_finite() && roll_rad[1] > 0.0) {
+            return;
+        }
+        let with_prior = |sigma_rad| {
+            solve(Some(Pitch {
+                sigma_rad,
+                ..attitude.pitch()
+            }))
+        };
+        let mut pitch_rad = None;
+        if frame.strips.iter().any(|strip| strip.face != Face::Upper) {
+            let own = with_prior(WIDE_RAD);
+            let posterior = [own.rotation_rad[1], sigma(&own, 4)];
+            pitch_rad = alignment::without_prior(posterior, [attitude.pitch_rad, WIDE_RAD]);
+        }
+        let mut x_m = None;
+        if self.x_constant {
+            let tied = with_prior(NARROW_RAD);
+            let by_pitch = tied.cov(0, 4) / tied.cov(4, 4);
+            let own = (tied.cov(0, 0) - by_pitch * tied.cov(0, 4)).sqrt();
+            let x = [tied.position_m[0], own, by_pitch];
+            x_m = Some(x).filter(|x| x.iter().all(|v| v.is_finite()));
+        }
+        self.aligner.add(Observation {
+            imu_rad: [attitude.roll_rad, attitude.pitch_rad],
+            roll_rad,
+            pitch_rad,
+            x_m,
+        });
+    }
+
+    /// Writes the frame file with the mounting found; false where there is none, and says so.
+    fn write(&self, frame: &Frame) -> anyhow::Result<bool> {
+        let found = match self.aligner.solve(frame) {
+            Ok(found) => found,
+            Err(error) => {
+                eprintln!("solve-pose: the IMU is not aligned: {error}");
+                return Ok(false);
+            }
+        };
+        let [roll, pitch, yaw] = found.rotation_deg;
+        let value = format!("[{roll:.4}, {pitch:.4}, {yaw:.4}]");
+        let found = found_in_words(&found);
+        let text = edit::set(&self.text, "imu", "rotation_deg", &value, Some(&found))?;
+        write_whole(&self.path, &text)
+            .with_context(|| format!("{}: cannot be written", self.path.display()))?;
+        if !self.quiet {
+            let path = self.path.display();
+            eprintln!(
+                "solve-pose: the IMU on the platform: {found}; {path} has imu.rotation_deg = {value}"
+            );
+        }
+        Ok(true)
+    }
+}
+
+fn found_in_words(found: &Alignment) -> String {
+    let number = |value_rad: f64, sigma_rad: f64| {
+        let (value, sigma) = (value_rad.to_degrees(), sigma_rad.to_degrees());
+        format!("{value:+.3} +- {sigma:.3} deg")
+    };
+    let roll = number(found.roll_rad, found.roll_sigma_rad);
+    let pitch = match found.pitch_rad {
+        Some(pitch_rad) => number(pitch_rad, found.pitch_sigma_rad),
+        None => "not shown by this run".to_owned(),
+    };
+    format!("roll {roll}, pitch {pitch}, from {} scans", found.scans)
+}
+
+/// Writes a file that is there whole or not at all.
+fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    std::fs::write(&partial, text)?;
+    std::fs::rename(&partial, path)
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

@@ -1,8 +1,13 @@
 use super::*;
 use crate::edges::EdgeMeter;
 use crate::lines::reflectors::{self, ReflectorFit};
-use crate::simulate::Step;
+use crate::motion::{self, Motion, State};
+use crate::record::{Axes, Stamp};
 use crate::simulate::staged::{frame, scattered};
+use crate::simulate::{Course, Parameters, Seed, Setup, Simulator, Step};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 
 fn lines_of(frame: &Frame, step: &Step) -> ReflectorLines {
     let mut fit = ReflectorFit::new(frame, reflectors::Options::default());
@@ -178,6 +183,140 @@ fn pitch_moves_x_and_its_variance_says_so() {
         assert!(ratio > 0.4 && ratio < 1.05, "{ratio}");
         assert!(wide.cov(0, 4) < 0.0, "{}", wide.cov(0, 4));
     }
+}
+
+/// Means of e'P^-1 e over its degrees of freedom for x, pitch and the pair of them, with a pitch
+/// that is wrong by `sigma_deg`.
+fn nees_with_pitch(sigma_deg: f64, effects: &str, seed: u64) -> [f64; 3] {
+    let frame = frame(&[]);
+    let sigma_rad = sigma_deg.to_radians();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let steps = scattered(&frame, effects, 600, [0.5, 3.5], seed);
+    let mut sums = [0.0; 3];
+    for step in &steps {
+        let z: f64 = StandardNormal.sample(&mut random);
+        let imu = Pitch {
+            rad: step.truth.rotation_rad[1] + sigma_rad * z,
+            sigma_rad,
+            stale: false,
+        };
+        let lines = lines_of(&frame, step);
+        let pose = solve(&lines, &frame, Some(imu), &Options::default());
+        let e = errors(step, &pose);
+        let p = nalgebra::Matrix2::new(
+            pose.cov(0, 0),
+            pose.cov(0, 4),
+            pose.cov(0, 4),
+            pose.cov(4, 4),
+        );
+        let pair = nalgebra::Vector2::new(e[0], e[4]);
+        let nees = [
+            e[0] * e[0] / p[(0, 0)],
+            e[4] * e[4] / p[(1, 1)],
+            0.5 * pair.dot(&(p.cholesky().expect("positive definite").solve(&pair))),
+        ];
+        for (sum, nees) in sums.iter_mut().zip(nees) {
+            *sum += nees / steps.len() as f64;
+        }
+    }
+    sums
+}
+
+#[test]
+fn what_a_wrong_pitch_does_to_x_is_in_the_covariance() {
+    for (sigma_deg, effects, seed) in [
+        (0.5, "reference", 41),
+        (0.5, "reference,mixed", 42),
+        (0.1, "reference", 43),
+    ] {
+        let nees = nees_with_pitch(sigma_deg, effects, seed);
+        for value in nees {
+            assert!(
+                (0.8..1.3).contains(&value),
+                "{sigma_deg} {effects}: {nees:?}"
+            );
+        }
+    }
+}
+
+/// A platform that nods in one place.
+struct Nodding {
+    at: motion::Pose,
+    amplitude_rad: f64,
+    per_s: f64,
+}
+
+impl Motion for Nodding {
+    fn at(&self, t_s: f64) -> State {
+        let mut state = State::resting(self.at);
+        let (sin, cos) = (self.per_s * t_s).sin_cos();
+        state.rotation_rad.y += self.amplitude_rad * sin;
+        state.rotation_rate_rad_s.y += self.amplitude_rad * self.per_s * cos;
+        state
+    }
+
+    fn duration_s(&self) -> f64 {
+        1e3
+    }
+}
+
+#[test]
+fn each_edge_has_the_pitch_of_its_own_instant() {
+    let frame = frame(&[]);
+    let nodding = || {
+        Box::new(Nodding {
+            at: motion::Pose {
+                position_m: nalgebra::Vector3::new(0.01, 1.2, 1.5),
+                rotation_rad: nalgebra::Vector3::new(0.004, 0.0, -0.006),
+            },
+            amplitude_rad: 1.5f64.to_radians(),
+            per_s: 2.0 * std::f64::consts::PI * 5.3,
+        })
+    };
+    let model = crate::frame::ScannerModel::by_name("lms511-hr").unwrap();
+    let mut simulator = Simulator::new(Setup {
+        frame: frame.clone(),
+        model,
+        mode: model.modes[0],
+        course: Course::Moving {
+            truth: nodding(),
+            desired: nodding(),
+            lag_s: 0.0,
+        },
+        effects: "reference,motion".parse().unwrap(),
+        parameters: Parameters::default(),
+        seed: Seed(44),
+        start: Stamp::from_ns(0),
+        scans: Some(200),
+        imu_rate_hz: None,
+        imu_axes: Axes::Platform,
+    });
+    let (mut frozen, mut followed, mut n) = ([0.0; 2], [0.0; 2], 0.0);
+    while let Some(step) = simulator.advance() {
+        let lines = lines_of(&frame, step);
+        let pitch_at = |t_s: f64| nodding().at(t_s).rotation_rad.y;
+        let reference_s = lines.stamp.since_s(Stamp::from_ns(0));
+        let changes_rad: Vec<f64> = lines
+            .edges
+            .iter()
+            .map(|edge| pitch_at(reference_s + edge.time_s) - pitch_at(reference_s))
+            .collect();
+        let options = Options::default();
+        for (sums, changes_rad) in [(&mut frozen, &[][..]), (&mut followed, &changes_rad[..])] {
+            let pose = solve_pitching(&lines, &frame, known(step), changes_rad, &options);
+            let e = errors(step, &pose);
+            sums[0] += e[0] * e[0];
+            sums[1] += e[5] * e[5];
+        }
+        n += 1.0;
+    }
+    let rms = |sums: [f64; 2]| sums.map(|sum| (sum / n).sqrt());
+    let (frozen, followed) = (rms(frozen), rms(followed));
+    eprintln!("{followed:?} {frozen:?}");
+    assert!(
+        followed[1] < 0.6 * frozen[1] && followed[1] < 0.11f64.to_radians(),
+        "yaw {followed:?}, frozen {frozen:?}"
+    );
 }
 
 #[test]
