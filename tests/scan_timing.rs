@@ -4,10 +4,10 @@
 //! The recordings lie outside the repository (../shared/data or CABLEPOSE_DATA); without them those
 //! tests say so and pass.
 
-use cablepose::link::HostInstant;
+use cablepose::link::{Arrivals, HostInstant};
 use cablepose::record::{Scan, Stamp};
 use cablepose::sick::angle_jitter::{Correction, Delay, Learner};
-use cablepose::sick::arrivals::Arrivals;
+
 use cablepose::sick::cola::{Event, Framer};
 use cablepose::sick::replay::{Replay, Settings};
 use cablepose::sick::scandata::{Channel, LmdScandata, is_scan};
@@ -41,7 +41,7 @@ fn scans(name: &str) -> Option<Vec<Scan>> {
             && is_scan(&found)
         {
             telegram.parse(&found).unwrap();
-            let arrival = arrivals.at(found.offset).map(HostInstant::from_one_clock);
+            let arrival = arrivals.at(found.last_offset());
             scans.extend(replay.push(&telegram, arrival).unwrap().cloned());
         }
     }
