@@ -7,10 +7,12 @@
 //! - [`LowerHull`] and its lines are what the estimators are built on
 //! - [`Log`] sorts out recorded exchanges: wraps, restarts, steps of the host's clock
 //! - [`fit()`] finds offset and drift from exchanges, with their uncertainty
+//! - [`delay`] finds the delay between a desired motion and what was measured of it
 //! - [`SoftwarePll`] is what others do, for comparison
 
 mod cloud;
 mod counter;
+pub mod delay;
 mod envelope;
 mod exchange;
 mod fit;

@@ -11,6 +11,7 @@
 mod beams;
 mod clock;
 mod columns;
+mod delay;
 mod imu;
 mod lines;
 mod pose;
@@ -24,6 +25,7 @@ mod trajectory;
 pub use beams::BeamTable;
 pub use clock::ClockExchange;
 pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};
+pub use delay::DelayPoint;
 pub use imu::{Axes, ImuSample};
 pub use lines::{Edge, EdgeKind, Face, FittedLine, LINE_STATE, NormalLine, ReflectorLines};
 pub use pose::{POSE_STATE, Pose};

@@ -1,7 +1,7 @@
 //! What each kind of record looks like from outside, to tell a person which one a file holds.
 
 use crate::record::{
-    ClockExchange, ImuSample, Pose, Presence, Record, ReflectorLines, Scan, Segment,
+    ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan, Segment,
     TrajectoryPoint, Value, Visit,
 };
 use std::convert::Infallible;
@@ -37,6 +37,7 @@ pub(super) fn of_header(names: &[String], wanted: &str) -> Option<&'static str> 
         Match::of::<TrajectoryPoint>(names),
         Match::of::<ImuSample>(names),
         Match::of::<ClockExchange>(names),
+        Match::of::<DelayPoint>(names),
     ]
     .into_iter()
     .max_by_key(|found| (found.known, found.whole))
@@ -85,6 +86,7 @@ mod tests {
         assert_eq!(kind_of::<TrajectoryPoint>(), Some("trajectory"));
         assert_eq!(kind_of::<ImuSample>(), Some("imu"));
         assert_eq!(kind_of::<ClockExchange>(), Some("clock"));
+        assert_eq!(kind_of::<DelayPoint>(), Some("delay"));
         assert_eq!(of_header(&["time".to_owned()], ""), None);
     }
 }
