@@ -5,6 +5,7 @@ mod args;
 mod serve;
 mod serve_args;
 mod source;
+mod unit;
 
 pub use args::Args;
 
@@ -23,6 +24,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if args.serve.is_asked() {
         return serve::run(&args);
     }
+    if args.unit.imu_pty.is_some() {
+        return unit::alone(&args);
+    }
     let (frame, text) = args.read_frame()?;
     let mut options = args.common.options("simulate")?;
     options.seed = Some(args.seed);
@@ -32,6 +36,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut simulator = Simulator::new(setup);
     if simulator.scans() == 0 {
         return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
+    }
+    if let Some(path) = &args.unit.imu_record {
+        unit::record(&args, &options, path)?;
     }
     let stop = Stop::install()?;
     let mut outputs = Outputs::open(&args, &options)?;
