@@ -156,6 +156,11 @@ impl Replay {
         self.counts
     }
 
+    /// The scan given last.
+    pub fn newest(&self) -> &Scan {
+        &self.scan
+    }
+
     /// Takes the next telegram, with the host's instant at which its last byte had arrived if that
     /// is known. Gives its scan, or none if it repeats one.
     pub fn push(
