@@ -94,7 +94,7 @@ fn parse_encoding(text: &str) -> Result<Encoding, String> {
     }
 }
 
-fn parse_instant(text: &str) -> Result<Instant, String> {
+pub(super) fn parse_instant(text: &str) -> Result<Instant, String> {
     if let Some(after) = text.strip_prefix('+') {
         return parse_duration(after).map(|span| Instant::After(span.as_secs_f64()));
     }
