@@ -291,6 +291,10 @@ impl Decoding {
         for (count, what) in [
             (counts.repeated, "telegrams repeat a scan and were dropped"),
             (counts.missing, "scans are missing by the scan counter"),
+            (
+                counts.estimated,
+                "scans are missing around a restart, estimated from the time",
+            ),
             (counts.late, "scans came after a newer one"),
             (counts.counter_restarts, "times the scan counter began anew"),
             (counts.restarts, "times the device restarted or changed"),

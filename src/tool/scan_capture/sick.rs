@@ -402,11 +402,13 @@ impl Scanner for Sick {
     }
 
     fn lost(&self) -> u64 {
-        self.replay.counts().missing
+        let counts = self.replay.counts();
+        counts.missing + counts.estimated
     }
 
     fn restarts(&self) -> u64 {
-        self.replay.counts().restarts
+        let counts = self.replay.counts();
+        counts.restarts + counts.counter_restarts
     }
 
     fn stop(&mut self) {

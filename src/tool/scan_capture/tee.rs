@@ -127,7 +127,9 @@ impl Tee {
 
     /// Says once that the recording has failed, and gives it up.
     fn say(&mut self) {
-        if let (Some(error), Some(_)) = (&self.error, self.recorder.take()) {
+        if let Some(error) = &self.error
+            && self.recorder.take().is_some()
+        {
             eprintln!("{NAME}: {error}: the recording ends here, the records go on");
             self.held.clear();
         }
