@@ -364,3 +364,30 @@ fn open(pty: Pty) -> (Connection, File) {
 fn speed_of(port: &File) -> u32 {
     rustix::termios::tcgetattr(port).map_or(0, |termios| termios.output_speed())
 }
+
+/// Writes a recording of `samples` replies to 0x31, 10 ms apart, with what belongs beside it.
+pub fn record(path: &Path, samples: u16) {
+    let streamed = Command::StabilisedEulerAccelRate;
+    let mut bytes = packet::encode(Command::SetContinuous, &[0x31, 0]).unwrap();
+    let mut times = format!(
+        "t_s,raw_s,offset,length,session_s\n1700000000.0,5.0,0,{},5.0\n",
+        bytes.len()
+    );
+    for k in 0..samples {
+        let reply = packet::encode(streamed, &words(streamed, 5 * k)).unwrap();
+        let ms = 20 + 10 * u32::from(k);
+        let (s, ms) = (ms / 1000, ms % 1000);
+        times += &format!(
+            "17000000{s:02}.{ms:03},{}.{ms:03},{},{},5.0\n",
+            5 + s,
+            bytes.len(),
+            reply.len()
+        );
+        bytes.extend(reply);
+    }
+    let unit = "firmware = 3201\nserial = 4021\nbaud = 38400\ncommands = [0x31]\n\
+                tick_factors = [4, 10, 250, 2]\naccel_gain = 8500\nrate_gain = 10000\nmag_gain = 2000\n";
+    std::fs::write(path, bytes).unwrap();
+    std::fs::write(path.with_extension("times.csv"), times).unwrap();
+    std::fs::write(path.with_extension("unit.toml"), unit).unwrap();
+}

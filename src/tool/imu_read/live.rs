@@ -2,9 +2,7 @@
 
 use super::NAME;
 use super::arguments::{CommandArgs, SampleArgs, parse_baud};
-use super::ending::Ending;
 use super::sink::Sink;
-use super::tee::Tee;
 use crate::gx1::framer::FramerCounts;
 use crate::gx1::session::{Identity, Patience};
 use crate::gx1::ticks::cycle_ticks;
@@ -12,10 +10,12 @@ use crate::gx1::unit_file::{self, UnitFile};
 use crate::gx1::{
     Command, Mode, Samples, Session, SessionError, Setup, command, samples, wire_time_s,
 };
-use crate::link::{Backoff, Endpoint, HostInstant, LinkError, latency_timer};
+use crate::link::{Backoff, Endpoint, HostInstant, LinkError, Rotation, latency_timer};
 use crate::record::Stamp;
 use crate::stream::{Fault, Options, Outcome, Stop};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::common::{CommonArgs, parse_duration, parse_rotation};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use anyhow::Context;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -70,6 +70,9 @@ pub struct RecordingArgs {
     /// Keep the raw bytes in FILE, with FILE.times.csv and FILE.unit.toml beside it
     #[arg(long, value_name = "FILE")]
     pub tee: Option<PathBuf>,
+    /// Begin a new file (FILE.000, FILE.001 ...) after a size (100MB), an age (10min), or either (100MB|10min)
+    #[arg(long, value_name = "LIMIT", value_parser = parse_rotation, requires = "tee")]
+    pub tee_rotate: Option<Rotation>,
     /// Leave the unit streaming at the end
     #[arg(long)]
     pub leave_streaming: bool,
@@ -104,15 +107,12 @@ pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
     let frame = args.samples.frame()?;
     options.configuration = frame.as_ref().map(|(_, text)| text.clone());
     if let Some(tee) = &args.recording.tee {
-        refuse_one_file(tee, &options)?;
+        refuse_one_file(tee, args.recording.tee_rotate.unwrap_or_default(), &options)?;
     }
     let ending = Ending::new(Stop::install()?, &options);
     warn_of_timer(&device, &options);
-    let tee = args
-        .recording
-        .tee
-        .as_deref()
-        .map(|path| Rc::new(RefCell::new(Tee::new(path, Default::default()))));
+    let rotation = args.recording.tee_rotate.unwrap_or_default();
+    let tee = Tee::new(NAME, args.recording.tee.as_deref(), rotation);
     let mut live = Live {
         mode: args.commands.poll.map_or(Mode::Continuous, Mode::Polled),
         device,
@@ -158,7 +158,7 @@ struct Live {
     commands: Vec<Command>,
     mode: Mode,
     ending: Rc<Ending>,
-    tee: Option<Rc<RefCell<Tee>>>,
+    tee: Rc<RefCell<Tee>>,
     /// The unit's speed, once it is known.
     baud: Option<u32>,
     outages: u64,
@@ -197,17 +197,21 @@ impl Live {
 
     fn open(&mut self, baud: Option<u32>, wait: Duration) -> Result<Session, SessionError> {
         let bauds: Vec<u32> = baud.into_iter().collect();
-        let tap = self.tee.clone().map(|tee| {
-            tee.borrow_mut().new_session();
-            let tap = move |bytes: &[u8], at: HostInstant| tee.borrow_mut().chunk(bytes, at);
-            Box::new(tap) as crate::gx1::session::Tap
-        });
+        let tee = Rc::clone(&self.tee);
+        tee.borrow_mut().new_session();
+        let tap = move |bytes: &[u8], at: HostInstant| tee.borrow_mut().chunk(bytes, at);
         let ending = Rc::clone(&self.ending);
         let patience = Patience {
             wait,
             interrupted: &|| ending.reached(),
         };
-        Session::open(&self.device, &bauds, &self.commands, tap, &patience)
+        Session::open(
+            &self.device,
+            &bauds,
+            &self.commands,
+            Some(Box::new(tap)),
+            &patience,
+        )
     }
 
     /// Asks the unit who it is and what its numbers mean.
@@ -271,7 +275,7 @@ impl Live {
     }
 
     fn begin_recording(&self, setup: &Setup, identity: Identity) -> anyhow::Result<()> {
-        let Some(tee) = &self.tee else {
+        let Some(path) = &self.args.recording.tee else {
             return Ok(());
         };
         let mut unit = UnitFile::new(identity, setup.baud, setup.gains, setup.tick);
@@ -279,7 +283,15 @@ impl Live {
         if let Mode::Polled(hz) = self.mode {
             unit.poll_hz = Some(hz);
         }
-        tee.borrow_mut().begin(&unit)
+        let io = |text: String| Fault::Io(text);
+        self.tee
+            .borrow_mut()
+            .open()
+            .map_err(|error| io(error.to_string()))?;
+        let beside = unit_file::beside(path);
+        std::fs::write(&beside, unit.text())
+            .map_err(|error| io(format!("{}: {}", beside.display(), plain(&error))))?;
+        Ok(())
     }
 
     /// Streams over as many sessions as it takes, until the end is reached.
@@ -298,9 +310,8 @@ impl Live {
             self.past.bad_sums += count.bad_sums;
             let cause = match ended {
                 Ok(()) => {
-                    if let Some(tee) = self.tee.take() {
-                        self.end_recording(tee, &mut session)?;
-                    }
+                    // What the unit says while it is stopped is no part of the stream.
+                    session.end_tap();
                     self.leave(session);
                     return Ok(());
                 }
@@ -318,9 +329,6 @@ impl Live {
                 Some(again) => session = again,
                 None => {
                     self.remark("the unit is away and could not be told to stop");
-                    if let Some(tee) = self.tee.take() {
-                        finish_tee(tee)?;
-                    }
                     return Ok(());
                 }
             }
@@ -507,30 +515,19 @@ impl Live {
         }
     }
 
-    fn end_recording(&self, tee: Rc<RefCell<Tee>>, session: &mut Session) -> anyhow::Result<()> {
-        // What the unit says while it is stopped is no part of the stream.
-        session.end_tap();
-        finish_tee(tee)
-    }
-
     fn finish(
         &mut self,
         ended: anyhow::Result<()>,
         samples: &mut Samples,
         sink: &mut Sink,
     ) -> anyhow::Result<Outcome> {
-        // A full disk of the recording does not cost the records.
-        let recording = match ended {
-            Err(error) if matches!(error.downcast_ref(), Some(Fault::Io(_))) => Err(error),
-            other => {
-                other?;
-                Ok(())
-            }
-        };
+        let recorded = self.tee.borrow_mut().finish(None);
+        ended?;
         samples.finish();
         sink.drain(samples)?;
         sink.finish()?;
-        recording?;
+        // A full disk of the recording does not cost the records.
+        recorded.map_err(|error| Fault::Io(error.to_string()))?;
         let counts = samples.counts();
         if self.options.verbose > 0 {
             eprintln!(
@@ -584,11 +581,11 @@ impl Live {
     }
 }
 
-fn finish_tee(tee: Rc<RefCell<Tee>>) -> anyhow::Result<()> {
-    match Rc::try_unwrap(tee) {
-        Ok(tee) => tee.into_inner().finish(),
-        Err(_) => Ok(()),
-    }
+/// What the system says, without its number for it.
+fn plain(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    let text = text.split(" (os error").next();
+    text.unwrap_or_default().to_owned()
 }
 
 /// Whether an error may go away by itself: a port that is not there yet.
@@ -619,7 +616,7 @@ fn warn_of_timer(device: &Endpoint, options: &Options) {
 }
 
 /// Refuses to write the records and the raw bytes into one file.
-fn refuse_one_file(tee: &Path, options: &Options) -> anyhow::Result<()> {
+fn refuse_one_file(tee: &Path, rotation: Rotation, options: &Options) -> anyhow::Result<()> {
     let Some(output) = &options.output else {
         return Ok(());
     };
@@ -628,7 +625,7 @@ fn refuse_one_file(tee: &Path, options: &Options) -> anyhow::Result<()> {
     let partial = PathBuf::from(format!("{}.partial", output.display()));
     let both = [&output, &partial];
     let one = both.into_iter().any(|path| {
-        crate::link::would_write(&tee, Default::default(), path) || *path == unit_file::beside(&tee)
+        crate::link::would_write(&tee, rotation, path) || *path == unit_file::beside(&tee)
     });
     if one {
         let text = format!(

@@ -1,12 +1,10 @@
 //! imu-read: samples from a MicroStrain 3DM-GX1 on a serial port, or from a recording of one.
 
 mod arguments;
-mod ending;
 mod live;
 mod packets;
 mod replay;
 mod sink;
-mod tee;
 
 use crate::stream::Outcome;
 
