@@ -83,6 +83,11 @@ fn the_examples_of_solve_pose_run() {
 }
 
 #[test]
+fn the_examples_of_compensate_delay_run() {
+    run_examples("compensate-delay");
+}
+
+#[test]
 fn the_examples_of_report_run() {
     run_examples("report");
 }

@@ -150,7 +150,10 @@ fn pages() -> Vec<Page> {
         ),
         Page::of::<tool::extract_lines::Args>(FILTER, &["scan-capture", "simulate", "solve-pose"]),
         Page::of::<tool::solve_pose::Args>(FILTER, &["extract-lines", "imu-read", "report"]),
-        Page::of::<tool::compensate_delay::Args>(&[2, 69], &["solve-pose", "ads-push"]),
+        Page::of::<tool::compensate_delay::Args>(
+            FILTER,
+            &["solve-pose", "timesync", "simulate", "ads-push"],
+        ),
         Page::of::<tool::ads_push::Args>(&[2, 69], &["compensate-delay", "report"]),
         Page::of::<tool::report::Args>(&[0, 2, 3, 4, 65, 66, 74], &["solve-pose", "simulate"]),
     ]

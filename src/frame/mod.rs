@@ -18,11 +18,13 @@
 //! place of y. The simulator and the solver each have their own arithmetic for beams and surfaces,
 //! on purpose: what they share is only the numbers here.
 
+mod attitude;
 mod config;
 mod crossing;
 pub mod edit;
 mod scanner_model;
 
+pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
 pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
 pub use scanner_model::{Optics, ScanMode, ScannerModel};

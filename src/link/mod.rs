@@ -10,19 +10,28 @@
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
 //! - [`Backoff`] how long to wait before the next attempt
 //! - [`Pacing`] when a simulated device is due to speak
+//! - [`Recorder`] raw bytes kept with their times of arrival; [`Arrivals`] those times read back
+//! - [`ports()`] the host's serial ports; [`baud`] what a line can carry and a clock can make
 //! - [`faults`] what shall go wrong on an emulated device's lines
 
+mod arrivals;
 mod backoff;
+pub mod baud;
 mod connection;
 mod endpoint;
 pub mod faults;
 mod host_clock;
 mod pacing;
+mod ports;
 mod pty;
+mod recording;
 
+pub use arrivals::{Arrivals, ArrivalsError, parse_seconds_ns};
 pub use backoff::Backoff;
 pub use connection::{Connection, LinkError, Received};
 pub use endpoint::{Endpoint, EndpointError};
 pub use host_clock::HostInstant;
 pub use pacing::Pacing;
+pub use ports::{Adapter, Port, ports};
 pub use pty::Pty;
+pub use recording::{Recorder, RecordingError, Rotation, times_beside, would_write};

@@ -1,15 +1,24 @@
 //! Trajectories of the platform: profiles of speed along a path, paths in the robot frame, and
-//! motion interpolated from recorded points.
+//! motion interpolated from recorded points; prediction: poses carried to the time they are used.
 //!
 //! A [`Motion`] says for every instant where the platform is, which way it is turned and how both
 //! change. Times are seconds after the motion's start; before it and after its end the platform
 //! rests. Positions are in the robot frame B, rotations are roll, pitch, yaw of
 //! R = Rz(yaw) Ry(pitch) Rx(roll).
 
+mod axis;
+mod carry;
+mod guide;
+mod inertia;
 mod path;
 mod profile;
 mod sampled;
+mod tracker;
+mod turn;
 
+pub use carry::{Carrier, CarryMethod, CarryOptions};
+pub use guide::Guide;
+pub use inertia::Inertia;
 pub use path::{Pose, Shuttle, Straight, Wobble};
 pub use profile::{Limits, Profile, Quintic, SCurve, Travel};
 pub use sampled::{Sampled, SampledError};

@@ -103,7 +103,7 @@ fn slopes(knots: &[Knot], value: impl Fn(&Knot) -> Vector3<f64>) -> Vec<Vector3<
 
 /// Value, first and second derivative of the cubic with the given ends and slopes, at share `u` of
 /// an interval of `h` seconds.
-fn hermite(
+pub(super) fn hermite(
     (p0, m0): (Vector3<f64>, Vector3<f64>),
     (p1, m1): (Vector3<f64>, Vector3<f64>),
     h: f64,

@@ -33,6 +33,8 @@ remarks! {
     10 EXTRAPOLATED "extrapolated" "Carried beyond the last measurement.";
     11 RE_ACQUIRED "re-acquired" "Tracking was lost and found again by a cold start.";
     12 DISAGREE "disagree" "The measurements contradict each other more than their sigmas allow.";
+    13 TOO_FAR "extrapolated-too-far" "The time of use is further off than the limit: the numbers are empty.";
+    14 STALE_MOTION "stale-motion" "The desired motion does not reach the pose: it was carried by the poses' own motion.";
 }
 
 impl Status {

@@ -60,6 +60,15 @@ impl<'a> Telegram<'a> {
         }
     }
 
+    /// Offset of the frame's last byte in the stream: with it the telegram is there.
+    pub fn last_offset(&self) -> u64 {
+        let before = match self.dialect {
+            Dialect::Text => 1,
+            Dialect::Binary => BINARY_HEADER,
+        };
+        self.offset + (before + self.body.len()) as u64
+    }
+
     /// What follows the name: in CoLa B the packed values without the separating blank, in CoLa A
     /// the tokens, each with the blank before it.
     pub fn arguments(&self) -> &'a [u8] {
@@ -170,6 +179,14 @@ impl Framer {
     /// A framer at the start of a stream.
     pub fn new() -> Framer {
         Framer::default()
+    }
+
+    /// A framer of a stream whose first byte has this offset.
+    pub fn at(offset: u64) -> Framer {
+        Framer {
+            base: offset,
+            ..Framer::default()
+        }
     }
 
     /// Takes the next bytes of the stream.
@@ -556,6 +573,12 @@ mod tests {
     fn both_dialects_in_one_stream() {
         let stream = b"\x02sRA SCdevicestate 1\x03\r\n\x02sFA A\x03\x02sRN cut\x02sWA x\x03";
         let text = |offset, body: &[u8]| Found::Telegram(Dialect::Text, offset, body.to_vec());
+        let mut framer = Framer::at(100);
+        framer.feed(&stream[..]);
+        let Some(Event::Telegram(first)) = framer.next() else {
+            panic!("no telegram");
+        };
+        assert_eq!((first.offset, first.last_offset()), (100, 120));
         let mut stream = stream.to_vec();
         let end = stream.len();
         stream.extend(binary(b"sFA\x00\x0A"));

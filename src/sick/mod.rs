@@ -6,7 +6,6 @@
 //! - [`angles`] undoes the rounding of angles on the wire
 //! - [`scan`] turns one into a [`Scan`](crate::record::Scan) record; [`replay`] does so for a stream,
 //!   with unwrapped time, lost and repeated scans
-//! - [`arrivals`] the arrival times kept beside a recording
 //! - [`client`] the host's side: requests, answers, a session with a scanner
 //!
 //! The device counts angles from 0 deg at its right to 90 deg straight ahead, counter-clockwise
@@ -16,7 +15,6 @@
 //! and recorded streams of an LMS511, an LMS111 and several LMS5xx units.
 
 pub mod angles;
-pub mod arrivals;
 pub mod client;
 pub mod cola;
 pub mod encode;

@@ -106,6 +106,31 @@ impl<R: StreamRecord> SideInput<R> {
         Ok((before, self.after.as_ref()))
     }
 
+    /// The records one after the other, as far as `until` needs: all up to it and the first one
+    /// after it. None where that one has been given, where the input has ended, and where a live
+    /// input has nothing before `deadline`. For a user that keeps a stretch of the records, in
+    /// place of [`SideInput::around`].
+    pub fn next_until(
+        &mut self,
+        until: Stamp,
+        deadline: Option<Instant>,
+    ) -> anyhow::Result<Option<R>> {
+        if self.ended || self.after.as_ref().is_some_and(|r| r.stamp() > until) {
+            return Ok(None);
+        }
+        match self.next(deadline)? {
+            Next::Record(record) => {
+                self.after = Some(record.clone());
+                Ok(Some(record))
+            }
+            Next::End => {
+                self.ended = true;
+                Ok(None)
+            }
+            Next::NotYet => Ok(None),
+        }
+    }
+
     fn next(&mut self, deadline: Option<Instant>) -> anyhow::Result<Next<R>> {
         match &mut self.feed {
             Feed::File(input) => Ok(input

@@ -64,6 +64,30 @@ fn a_file_is_looked_up_by_time() {
 }
 
 #[test]
+fn a_file_is_given_as_far_as_needed() {
+    let file = Temporary::new("until.csv");
+    let mut output = Output::create(&file.0, Encoding::Csv, &options()).unwrap();
+    for ns in [10, 20, 20, 30, 40] {
+        output.write_trajectory(Role::Desired, &point(ns)).unwrap();
+    }
+    output.finish().unwrap();
+    let mut side = SideInput::<TrajectoryPoint>::open(&file.0, &options()).unwrap();
+    let mut upto = |ns| {
+        let mut given = Vec::new();
+        while let Some(record) = side.next_until(Stamp::from_ns(ns), None).unwrap() {
+            given.push(record.stamp.ns());
+        }
+        given
+    };
+    assert_eq!(upto(5), [10]);
+    assert_eq!(upto(9), [0; 0]);
+    assert_eq!(upto(20), [20, 20, 30]);
+    assert_eq!(upto(29), [0; 0]);
+    assert_eq!(upto(99), [40]);
+    assert_eq!(upto(99), [0; 0]);
+}
+
+#[test]
 fn no_such_file_is_status_66() {
     let Err(error) = SideInput::<TrajectoryPoint>::open(Path::new("no/such"), &options()) else {
         panic!("opened");

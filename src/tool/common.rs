@@ -1,6 +1,7 @@
 //! Arguments that all tools share, with one meaning everywhere.
 
 use crate::frame::Frame;
+use crate::link::Rotation;
 use crate::record::Stamp;
 use crate::stream::{Encoding, Fault, Instant, Options, Window};
 use std::path::PathBuf;
@@ -92,7 +93,7 @@ fn parse_encoding(text: &str) -> Result<Encoding, String> {
     }
 }
 
-fn parse_instant(text: &str) -> Result<Instant, String> {
+pub(super) fn parse_instant(text: &str) -> Result<Instant, String> {
     if let Some(after) = text.strip_prefix('+') {
         return parse_duration(after).map(|span| Instant::After(span.as_secs_f64()));
     }
@@ -124,9 +125,68 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(number * unit_s).map_err(|_| wanted())
 }
 
+/// Reads when a recording goes on in a new file: a size (`100MB`, `4GiB`), an age (`10min`), or both
+/// with a bar between them, whichever is first; for clap's `value_parser`.
+pub fn parse_rotation(text: &str) -> Result<Rotation, String> {
+    const UNITS: [(&str, u64); 7] = [
+        ("KiB", 1 << 10),
+        ("MiB", 1 << 20),
+        ("GiB", 1 << 30),
+        ("kB", 1000),
+        ("MB", 1_000_000),
+        ("GB", 1_000_000_000),
+        ("B", 1),
+    ];
+    let wanted = || "a size (100MB), an age (10min) or both (100MB|10min) is wanted".to_owned();
+    let mut rotation = Rotation::default();
+    for part in text.split('|') {
+        let size = UNITS
+            .iter()
+            .find_map(|(unit, bytes)| Some((part.strip_suffix(unit)?, bytes)));
+        if let Some((number, unit)) = size {
+            let number: u64 = number.trim_end().parse().map_err(|_| wanted())?;
+            let bytes = number.checked_mul(*unit).filter(|bytes| *bytes > 0);
+            if rotation.bytes.replace(bytes.ok_or_else(wanted)?).is_some() {
+                return Err(wanted());
+            }
+        } else {
+            let age = parse_duration(part).map_err(|_| wanted())?;
+            if age.is_zero() || rotation.age.replace(age).is_some() {
+                return Err(wanted());
+            }
+        }
+    }
+    Ok(rotation)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rotations_are_sizes_or_ages() {
+        let both = Rotation {
+            bytes: Some(100_000_000),
+            age: Some(Duration::from_secs(600)),
+        };
+        assert_eq!(parse_rotation("100MB|10min"), Ok(both));
+        assert_eq!(parse_rotation("10min|100 MB"), Ok(both));
+        assert_eq!(parse_rotation("4KiB").unwrap().bytes, Some(4096));
+        for text in [
+            "",
+            "|",
+            "5",
+            "0MB",
+            "0s",
+            "1MB|2MB",
+            "1s|2s",
+            "MB",
+            "-1MB",
+            "99999999999GB",
+        ] {
+            assert!(parse_rotation(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn durations_have_a_unit() {

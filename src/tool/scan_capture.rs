@@ -2,9 +2,8 @@
 
 use super::common::CommonArgs;
 use crate::frame::Frame;
-use crate::link::HostInstant;
+use crate::link::{Arrivals, parse_seconds_ns};
 use crate::record::{Scan, Stamp};
-use crate::sick::arrivals::{Arrivals, parse_seconds_ns};
 use crate::sick::cola::{Event, Framer, Skipped, Telegram};
 use crate::sick::replay::{Replay, Settings};
 use crate::sick::scan;
@@ -244,8 +243,7 @@ impl Decoding {
             return self.fault(telegram.offset, &error.to_string());
         }
         let arrivals = self.arrivals.as_ref();
-        let arrival_ns = arrivals.and_then(|arrivals| arrivals.at(telegram.offset));
-        let arrival = arrival_ns.map(HostInstant::from_one_clock);
+        let arrival = arrivals.and_then(|arrivals| arrivals.at(telegram.last_offset()));
         match self.replay.push(&self.telegram, arrival) {
             Ok(None) => Ok(()),
             Ok(Some(scan)) => {

@@ -1,6 +1,7 @@
 //! Rotations between Euler angles, as the records have them, and ROS's quaternions and fixed axes.
 
 use super::types::{Quaternion, Square6};
+use crate::frame::{euler_to_fixed_axes, fixed_axes_to_euler};
 use crate::record::upper_index;
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion};
 
@@ -38,42 +39,6 @@ pub(crate) fn from_child([roll, pitch, yaw]: [f64; 3], v: [f64; 3]) -> [f64; 3] 
     (r * nalgebra::Vector3::from(v)).into()
 }
 
-/// The small rotation about the fixed axes of B that small changes of roll, pitch and yaw make:
-/// `d_theta = J (d_roll, d_pitch, d_yaw)`, with columns Rz Ry ex, Rz ey, ez.
-fn jacobian([_, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
-    let (sp, cp) = pitch.sin_cos();
-    let (sy, cy) = yaw.sin_cos();
-    Matrix3::new(
-        cy * cp,
-        -sy,
-        0.0, //
-        sy * cp,
-        cy,
-        0.0, //
-        -sp,
-        0.0,
-        1.0,
-    )
-}
-
-/// The inverse of [`jacobian`]; not finite at a pitch of 90 degrees.
-fn inverse_jacobian([_, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
-    let (sp, cp) = pitch.sin_cos();
-    let (sy, cy) = yaw.sin_cos();
-    let tp = sp / cp;
-    Matrix3::new(
-        cy / cp,
-        sy / cp,
-        0.0, //
-        -sy,
-        cy,
-        0.0, //
-        cy * tp,
-        sy * tp,
-        1.0,
-    )
-}
-
 fn with_rotation_block(block: &Matrix3<f64>) -> Matrix6<f64> {
     let mut whole = Matrix6::identity();
     whole.fixed_view_mut::<3, 3>(3, 3).copy_from(block);
@@ -84,7 +49,7 @@ fn with_rotation_block(block: &Matrix3<f64>) -> Matrix6<f64> {
 /// the fixed axes X, Y, Z) at the attitude `rotation_rad`.
 pub(crate) fn to_fixed_axes(covariance: &[f64; 21], rotation_rad: [f64; 3]) -> Square6 {
     let c = Matrix6::from_fn(|row, col| covariance[upper_index(6, row, col)]);
-    let a = with_rotation_block(&jacobian(rotation_rad));
+    let a = with_rotation_block(&euler_to_fixed_axes(rotation_rad));
     let c = a * c * a.transpose();
     Square6(std::array::from_fn(|row| {
         // Symmetric to the last digit: both halves are the mean of the two products.
@@ -95,7 +60,7 @@ pub(crate) fn to_fixed_axes(covariance: &[f64; 21], rotation_rad: [f64; 3]) -> S
 /// The inverse of [`to_fixed_axes`].
 pub(crate) fn from_fixed_axes(covariance: &Square6, rotation_rad: [f64; 3]) -> [f64; 21] {
     let c = Matrix6::from_fn(|row, col| covariance.0[row][col]);
-    let a = with_rotation_block(&inverse_jacobian(rotation_rad));
+    let a = with_rotation_block(&fixed_axes_to_euler(rotation_rad));
     let c = a * c * a.transpose();
     let mut upper = [0.0; 21];
     for row in 0..6 {
@@ -145,31 +110,6 @@ mod tests {
             assert!((back - v).norm() < 1e-14);
         }
         assert!(euler(&Quaternion::default())[0].is_nan());
-    }
-
-    /// Against the rotation that a finite change of each angle really makes.
-    #[test]
-    fn the_jacobian_is_the_finite_difference() {
-        let h = 1e-6;
-        for attitude in ATTITUDES {
-            let j = jacobian(attitude);
-            for angle in 0..3 {
-                let shifted = |by: f64| {
-                    let mut shifted = attitude;
-                    shifted[angle] += by;
-                    product(shifted)
-                };
-                // d(R) R^T is the cross product matrix of the small rotation in fixed axes.
-                let d = (shifted(h) - shifted(-h)) / (2.0 * h) * product(attitude).transpose();
-                let vector = Vector3::new(d[(2, 1)], d[(0, 2)], d[(1, 0)]);
-                assert!(
-                    (j.column(angle) - vector).norm() < 1e-9,
-                    "{attitude:?} {angle}"
-                );
-            }
-            let unit = j * inverse_jacobian(attitude);
-            assert!((unit - Matrix3::identity()).norm() < 1e-14);
-        }
     }
 
     #[test]
