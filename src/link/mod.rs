@@ -10,6 +10,7 @@
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
 //! - [`Backoff`] how long to wait before the next attempt
 //! - [`Pacing`] when a simulated device is due to speak
+//! - [`emulation`] the lines of an emulated device: sockets and ptys, their clients, their faults
 //! - [`Recorder`] raw bytes kept with their times of arrival; [`Arrivals`] those times read back
 //! - [`ports()`] the host's serial ports; [`baud`] what a line can carry and a clock can make
 //! - [`faults`] what shall go wrong on an emulated device's lines
@@ -18,6 +19,7 @@ mod arrivals;
 mod backoff;
 pub mod baud;
 mod connection;
+pub mod emulation;
 mod endpoint;
 pub mod faults;
 mod host_clock;

@@ -6,6 +6,7 @@
 //! - [`angles`] undoes the rounding of angles on the wire
 //! - [`scan`] turns one into a [`Scan`](crate::record::Scan) record; [`replay`] does so for a stream,
 //!   with unwrapped time, lost and repeated scans
+//! - [`emulator`] a device that behaves like an LMS5xx
 //! - [`client`] the host's side: requests, answers, a session with a scanner
 //!
 //! The device counts angles from 0 deg at its right to 90 deg straight ahead, counter-clockwise
@@ -17,6 +18,7 @@
 pub mod angles;
 pub mod client;
 pub mod cola;
+pub mod emulator;
 pub mod encode;
 mod fields;
 pub mod replay;

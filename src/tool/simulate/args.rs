@@ -1,5 +1,6 @@
 //! The command line of `simulate` and the run that it describes.
 
+use super::serve_args::ServeArgs;
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
 use crate::record::{Axes, Stamp, TrajectoryPoint};
@@ -22,6 +23,16 @@ EFFECTS
     reference = noise (6.5 mm), bias (+-25 mm common to a scan), quantisation (1 mm), footprint,
                 remission (4 % noise, 150 digits are a reflector met squarely at 3 m)
     all       = every one of them, with the data sheet's noise; none = exact ranges of pencil beams
+
+SERVING
+  With --serve or --serve-pty there is no stream of scans: the program is the scanner, an LMS511
+  that clients log in to, configure and start, in real time. It says on stderr where it is, for
+  example: simulate: serving lms511 at 127.0.0.1:2112. A port answers in the dialect that it is
+  spoken to in; without a port it is 2111 (CoLa A) and 2112. When the trajectory ends, it waits for
+  the clients to leave (--linger), ends the connections in order and ends with status 0, as it does
+  on SIGINT and SIGTERM. -v accounts for every scan.
+  Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
+  stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on.
 
 EXAMPLES
   Exact scans of a 0.2 m grid, and where the platform truly was:
@@ -50,8 +61,9 @@ EXAMPLES
     after_long_help = EXAMPLES
 )]
 pub struct Args {
-    #[command(flatten)]
-    pub(super) frame: FrameArg,
+    /// Frame file: the box, its reflectors and the mountings
+    #[arg(short, long, value_name = "FILE", required_unless_present = "replay")]
+    frame: Option<PathBuf>,
     /// What is simulated: none, all, reference, or a list (see EFFECTS)
     #[arg(
         long,
@@ -101,10 +113,21 @@ pub struct Args {
     #[arg(long, value_name = "AXES", default_value = "platform", value_parser = parse_axes)]
     imu_axes: Axes,
     /// Give out each scan when it would be complete
-    #[arg(long)]
+    #[arg(long, conflicts_with = "serving")]
     pub(super) real_time: bool,
     #[command(flatten)]
+    pub(super) serve: ServeArgs,
+    #[command(flatten)]
     pub(super) common: CommonArgs,
+}
+
+impl Args {
+    /// The checked frame and the file's text.
+    pub(super) fn read_frame(&self) -> anyhow::Result<(Frame, String)> {
+        let frame = self.frame.clone();
+        let frame = frame.ok_or_else(|| Fault::Usage("-f FILE is missing".into()))?;
+        FrameArg { frame }.read()
+    }
 }
 
 /// The most wanted of the effects' sizes.
