@@ -3,6 +3,7 @@
 //!
 //! - [`cola`] cuts a byte stream into telegrams, in either dialect, whatever the chunks
 //! - [`scandata`] reads one LMDscandata telegram, every field as sent; [`encode`] writes one
+//! - [`angle_jitter`] takes out the jitter of the motor, learned from a scene at rest
 //! - [`angles`] undoes the rounding of angles on the wire
 //! - [`scan`] turns one into a [`Scan`](crate::record::Scan) record; [`replay`] does so for a stream,
 //!   with unwrapped time, lost and repeated scans
@@ -15,6 +16,7 @@
 //! Sources: SICK telegram listing 8014631 (2012 and 2022), LMS5xx operating instructions 8013796,
 //! and recorded streams of an LMS511, an LMS111 and several LMS5xx units.
 
+pub mod angle_jitter;
 pub mod angles;
 pub mod client;
 pub mod cola;

@@ -215,8 +215,9 @@ impl LmdScandata {
 
     fn read<'a>(&mut self, mut fields: impl Fields<'a> + Copy) -> Result<(), FieldError> {
         self.read_head(&mut fields)?;
-        self.channels_from(0, Width::Bits16, &mut fields)?;
-        self.channels_from(self.channels.len(), Width::Bits8, &mut fields)?;
+        let wide = self.channels_from(0, Width::Bits16, &mut fields)?;
+        let all = self.channels_from(wide, Width::Bits8, &mut fields)?;
+        self.channels.truncate(all);
         // The documents leave two lengths open that no recording settles: whether the position
         // block ends in one byte more, and whether the comment's length is u8 or u16. Where the
         // usual reading does not come out even, the others are tried.
@@ -255,13 +256,14 @@ impl LmdScandata {
         Ok(())
     }
 
-    /// Reads the channels of one width into `channels[first..]`, which then is exactly these.
+    /// Reads the channels of one width into `channels[first..]`; gives where they end. Channels
+    /// beyond that are kept, for their buffers.
     fn channels_from<'a>(
         &mut self,
         first: usize,
         width: Width,
         fields: &mut impl Fields<'a>,
-    ) -> Result<(), FieldError> {
+    ) -> Result<usize, FieldError> {
         let announced = match width {
             Width::Bits16 => count(fields, MAX_CHANNELS, "number of 16 bit channels")?,
             Width::Bits8 => count(fields, MAX_CHANNELS, "number of 8 bit channels")?,
@@ -273,8 +275,7 @@ impl LmdScandata {
         for channel in self.channels.iter_mut().skip(first).take(announced.into()) {
             channel.read(width, fields)?;
         }
-        self.channels.truncate(end);
-        Ok(())
+        Ok(end)
     }
 
     /// Reads what follows the channels; gives the number of bytes left over.
