@@ -47,6 +47,8 @@ EXAMPLES
   Into the chain, with the IMU as a side stream:
     mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
       | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  The scanner itself for one second, at a port that is free:
+    simulate -f frame.toml --n-scans 35 --serve 127.0.0.1:0
   As a live source, one second of it:
     simulate -f frame.toml --n-scans 35 --real-time | extract-lines -f frame.toml | tail -n 1
 ";

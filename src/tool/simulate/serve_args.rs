@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Where an emulated device is reached, how it behaves and what goes wrong.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Emulated devices")]
-#[group(id = "emulation", multiple = true)]
+#[command(group(clap::ArgGroup::new("serving").multiple(true)))]
 pub struct ServeArgs {
     /// Be the scanner at ADDR:PORT, or at its ports 2111 and 2112 of ADDR (see SERVING)
     #[arg(long, value_name = "ADDR", group = "serving")]
@@ -31,12 +31,7 @@ pub struct ServeArgs {
     )]
     pub baud: u32,
     /// The scanner sees what this recording holds
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "serving",
-        conflicts_with = "frame"
-    )]
+    #[arg(long, value_name = "FILE", conflicts_with = "frame")]
     pub replay: Option<PathBuf>,
     /// Play the recording N times; 0 is without end
     #[arg(long, value_name = "N", default_value_t = 1, requires = "replay")]
@@ -55,8 +50,7 @@ pub struct ServeArgs {
         long,
         value_name = "LIST",
         default_value = "",
-        hide_default_value = true,
-        requires = "serving"
+        hide_default_value = true
     )]
     pub faults: Faults,
     /// Dialect that the host port answers: any, a, b
@@ -66,20 +60,14 @@ pub struct ServeArgs {
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub boot: Option<Duration>,
     /// Set the scanner's calendar to this much ahead of UTC [default: nobody has set it]
-    #[arg(
-        long,
-        value_name = "S",
-        allow_hyphen_values = true,
-        requires = "serving"
-    )]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub clock_offset_s: Option<f64>,
     /// How much too fast the scanner's clock runs
     #[arg(
         long,
         value_name = "PPM",
         default_value_t = 0.0,
-        allow_hyphen_values = true,
-        requires = "serving"
+        allow_hyphen_values = true
     )]
     pub clock_ppm: f64,
     /// What the scanner's counter shows at the start; it wraps at 4294.967296 s
