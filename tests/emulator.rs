@@ -264,10 +264,10 @@ fn nothing_is_lost_in_small_pieces_with_garbage_between() {
                 pair[1].telegram_counter,
                 pair[0].telegram_counter.wrapping_add(1)
             );
-            // 40 ms of a device that is replayed over its seams.
+            // 20 ms of a device that is replayed over its seams.
             let period_us = pair[1].scan_tick_us.wrapping_sub(pair[0].scan_tick_us);
             assert!(
-                (39_000..=41_000).contains(&period_us),
+                (19_900..=20_100).contains(&period_us),
                 "{number}: {period_us}"
             );
             // The recording comes again after 20 scans.
