@@ -2,6 +2,7 @@
 //! scanner itself.
 
 mod args;
+mod cola;
 mod serve;
 mod serve_args;
 mod source;
@@ -11,6 +12,7 @@ pub use args::Args;
 
 use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
+use crate::tool::common::Format;
 use clap::CommandFactory;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -26,6 +28,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     if args.unit.imu_pty.is_some() {
         return unit::alone(&args);
+    }
+    if args.common.format == Some(Format::Cola) {
+        return cola::run(&args);
     }
     let (frame, text) = args.read_frame()?;
     let mut options = args.common.options("simulate")?;

@@ -75,7 +75,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// What the scanner sees, and its first mode.
-fn view(
+pub(super) fn view(
     args: &Args,
     options: &mut Options,
     origin: Option<Arc<Origin>>,
@@ -122,7 +122,7 @@ fn recording(path: &Path, repeat: u64) -> anyhow::Result<(Recording, &'static Sc
     Ok((recording, model))
 }
 
-fn behaviour(
+pub(super) fn behaviour(
     serve: &ServeArgs,
     model: &'static ScannerModel,
     mode: crate::frame::ScanMode,
