@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let options = args.common.options(TOOL)?;
     let stop = Stop::install()?;
     let mut client = live::connect(&args.device, &stop)?;
-    let encoding = args.common.format.unwrap_or(Encoding::Csv);
+    let encoding = options.format.unwrap_or(Encoding::Csv);
     let mut records = match &args.records {
         Some(path) => Some(Output::create(path, encoding, &options)?),
         None => None,
