@@ -129,7 +129,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let report = find(args, &measured, &motion, &settings, total_s)
         .map_err(|error| Fault::BadData(error.to_string()))?;
     if let Some(path) = &args.curve {
-        let encoding = args.common.format.unwrap_or(Encoding::Csv);
+        let encoding = options.format.unwrap_or(Encoding::Csv);
         let mut output = Output::create(path, encoding, &options)?;
         let step_s = args.curve_step.as_secs_f64().max(1e-6);
         let count = (args.max_delay.as_secs_f64() / step_s).floor().min(1e6) as i64;
