@@ -1,6 +1,7 @@
 //! What the programs say about themselves is true: every example in every `--help` runs, `-h` is
 //! short, `--version` names the program, a wrong command line ends with status 2.
 
+mod peer;
 mod shell;
 
 use shell::{NOT_BUILT, TOOLS, scratch, sh, testdata};
@@ -50,6 +51,10 @@ fn a_small_run(name: &str) -> PathBuf {
         for stage in [log, run, poses] {
             sh(&dir, stage).expect(0);
         }
+    }
+    if name == "help-imu-read" {
+        peer::record(&dir.join("run.gx1"), 200);
+        std::fs::copy(dir.join("run.gx1"), dir.join("bare.gx1")).unwrap();
     }
     for stage in [
         "simulate -f frame.toml --n-scans 20 --truth truth.csv --imu imu.csv > scans.csv",
@@ -113,6 +118,17 @@ fn the_examples_of_scan_capture_run() {
 #[test]
 fn the_examples_of_timesync_run() {
     run_examples("timesync");
+}
+
+#[test]
+fn the_examples_of_imu_read_run() {
+    run_examples("imu-read");
+    let dir = a_small_run("help-imu-read");
+    let help = sh(&dir, "imu-read replay --help").expect(0);
+    for command in examples(help.text()) {
+        let ended = sh(&dir, &command);
+        assert_eq!(ended.status, 0, "{command}\n{}", ended.stderr);
+    }
 }
 
 #[test]

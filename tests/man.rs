@@ -44,14 +44,16 @@ impl Page {
     }
 
     /// The page of a subcommand: `timesync fit` is in `timesync-fit.1`.
-    fn of_subcommand<A: CommandFactory>(name: &'static str, statuses: &'static [u8]) -> Page {
-        let (tool, part) = name.rsplit_once('-').unwrap();
-        let command = A::command().find_subcommand(part).unwrap().clone();
+    fn of_subcommand<A: CommandFactory>(name: &str, statuses: &'static [u8]) -> Page {
+        let whole = A::command();
+        let tool = whole.get_name().to_owned();
+        let part = whole.find_subcommand(name).unwrap().clone();
+        let command = part
+            .bin_name(format!("{tool} {name}"))
+            .version(env!("CARGO_PKG_VERSION"))
+            .name(&*format!("{tool}-{name}").leak());
         Page {
-            command: command
-                .bin_name(format!("{tool} {part}"))
-                .version(env!("CARGO_PKG_VERSION"))
-                .name(name),
+            command,
             statuses,
             see_also: &[],
         }
@@ -163,18 +165,23 @@ const FILTER: &[u8] = &[0, 2, 3, 65, 66, 74, 78];
 fn pages() -> Vec<Page> {
     vec![
         Page::of::<tool::scan_capture::Args>(FILTER, &["extract-lines", "timesync"]),
-        Page::of::<tool::imu_read::Args>(&[2, 69], &["solve-pose", "timesync"]),
+        Page::of::<tool::imu_read::Args>(
+            &[0, 2, 3, 65, 66, 69, 74, 78],
+            &["solve-pose", "timesync"],
+        ),
+        Page::of_subcommand::<tool::imu_read::Args>("replay", &[0, 2, 3, 65, 66, 74, 78]),
+        Page::of_subcommand::<tool::imu_read::Args>("list", &[0, 2, 69, 74]),
         Page::of::<tool::timesync::Args>(
             &[0, 2, 3, 65, 66, 69, 74, 78],
             &["scan-capture", "compensate-delay"],
         ),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-set", &[0, 2, 66, 69, 74, 78]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-poll", &[0, 2, 3, 69, 74]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-fit", &[0, 2, 3, 65, 66, 74]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-watch", &[0, 2, 69, 74]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-track", &[0, 2, 3, 65, 66, 74]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-delay", &[0, 2, 3, 65, 66, 74]),
-        Page::of_subcommand::<tool::timesync::Args>("timesync-ntp", &[0, 2, 66, 69, 74, 78]),
+        Page::of_subcommand::<tool::timesync::Args>("set", &[0, 2, 66, 69, 74, 78]),
+        Page::of_subcommand::<tool::timesync::Args>("poll", &[0, 2, 3, 69, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("fit", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("watch", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("track", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("delay", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("ntp", &[0, 2, 66, 69, 74, 78]),
         Page::of::<tool::simulate::Args>(
             &[0, 2, 65, 66, 74, 78],
             &["extract-lines", "solve-pose", "report"],
