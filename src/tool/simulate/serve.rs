@@ -52,10 +52,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         seed: args.seed,
     });
     open(serve, &mut emulation, &mut device).map_err(fault)?;
+    if options.verbose > 0 {
+        // Together with --clock-ppm the whole truth of the scanner's clock.
+        eprintln!(
+            "simulate: the counter was at {} s at {} ns of the monotonic raw clock",
+            serve.uptime_s,
+            emulation.start().raw_ns
+        );
+    }
     let account = match &origin {
         None => emulation.run(&mut device, || stop.requested()),
         Some(origin) => {
-            origin.scanner_starts_at(emulation.start());
+            origin.scanner_starts_at(emulation.start().raw_ns);
             unit::beside(args, &options, origin, &stop, |stop| {
                 emulation.run(&mut device, stop)
             })?

@@ -13,32 +13,31 @@ use crate::stream::{Fault, Options, Outcome, Stop};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock, mpsc};
-use std::time::{Duration, Instant};
 
 /// When the course begins, for all that move on it.
 #[derive(Debug, Default)]
 pub(super) struct Origin {
-    scanner_start: OnceLock<Instant>,
-    zero: OnceLock<Instant>,
+    /// On the host's monotonic raw clock, ns.
+    scanner_start_ns: OnceLock<i64>,
+    zero_ns: OnceLock<i64>,
 }
 
 impl Origin {
     /// The scanner's emulation counts its time from here.
-    pub(super) fn scanner_starts_at(&self, start: Instant) {
+    pub(super) fn scanner_starts_at(&self, raw_ns: i64) {
         // The first one holds.
-        let _ = self.scanner_start.set(start);
+        let _ = self.scanner_start_ns.set(raw_ns);
     }
 
     /// The course begins at this time of the scanner's emulation.
     pub(super) fn begin(&self, now_ns: i64) {
-        let after = Duration::from_nanos(u64::try_from(now_ns).unwrap_or(0));
-        if let Some(start) = self.scanner_start.get() {
-            self.begin_at(*start + after);
+        if let Some(start_ns) = self.scanner_start_ns.get() {
+            self.begin_at(start_ns + now_ns);
         }
     }
 
-    fn begin_at(&self, zero: Instant) {
-        let _ = self.zero.set(zero);
+    fn begin_at(&self, raw_ns: i64) {
+        let _ = self.zero_ns.set(raw_ns);
     }
 }
 
@@ -50,8 +49,8 @@ struct Mounted {
     /// How long the course lasts, s.
     lasts_s: f64,
     origin: Arc<Origin>,
-    /// The emulation's own time began here.
-    start: Instant,
+    /// Where the emulation's own time began, ns of the monotonic raw clock.
+    start_ns: i64,
     /// The course begins with the first question.
     hold: bool,
     /// The unit itself says when the course is over.
@@ -73,7 +72,7 @@ impl Mounted {
             unit,
             period_s,
             origin,
-            start: Instant::now(),
+            start_ns: 0,
             hold,
             alone,
             last_ns: i64::MIN,
@@ -82,13 +81,9 @@ impl Mounted {
 
     /// Time on the course; before its start it is below 0.
     fn course_s(&self, now_ns: i64) -> f64 {
-        match self.origin.zero.get() {
+        match self.origin.zero_ns.get() {
             None => -1.0,
-            Some(zero) => {
-                let ahead = zero.saturating_duration_since(self.start).as_secs_f64();
-                let behind = self.start.saturating_duration_since(*zero).as_secs_f64();
-                now_ns as f64 * 1e-9 - ahead + behind
-            }
+            Some(zero_ns) => (self.start_ns + now_ns - zero_ns) as f64 * 1e-9,
         }
     }
 }
@@ -105,8 +100,7 @@ impl Senses for Mounted {
 
     fn asked(&mut self, now_ns: i64) {
         if self.hold && self.alone {
-            let after = Duration::from_nanos(u64::try_from(now_ns).unwrap_or(0));
-            self.origin.begin_at(self.start + after);
+            self.origin.begin_at(self.start_ns + now_ns);
         }
     }
 
@@ -157,9 +151,9 @@ fn open(
         seed: args.seed,
     });
     let mut mounted = Mounted::new(setup, Arc::clone(origin), args.serve.hold, alone);
-    mounted.start = emulation.start();
+    mounted.start_ns = emulation.start().raw_ns;
     if alone && !args.serve.hold {
-        origin.begin_at(mounted.start);
+        origin.begin_at(mounted.start_ns);
     }
     let mut device = Emulator::new(behaviour, mounted);
     let link = args.unit.imu_pty.as_deref().unwrap_or(Path::new("imu"));
@@ -267,7 +261,7 @@ pub(super) fn record(args: &Args, options: &Options, path: &Path) -> anyhow::Res
     };
     let origin = Arc::new(Origin::default());
     let mounted = Mounted::new(setup, Arc::clone(&origin), false, true);
-    origin.begin_at(mounted.start);
+    origin.begin_at(mounted.start_ns);
     let byte_ns = 1e10 / f64::from(behaviour.baud);
     let adapter_ns = i64::try_from(args.unit.imu_adapter.as_nanos()).unwrap_or(0);
     let mut device = Emulator::new(behaviour, mounted);
