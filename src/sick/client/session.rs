@@ -310,6 +310,11 @@ impl Client {
         &mut self.line
     }
 
+    /// Gives the device more time for its answers; gives back how much it had.
+    pub fn set_patience(&mut self, answer: Duration) -> Duration {
+        std::mem::replace(&mut self.answer, answer)
+    }
+
     /// Replaces what ends a wait early.
     pub fn set_interrupted(&mut self, interrupted: Option<Box<dyn Fn() -> bool>>) {
         self.interrupted = interrupted;

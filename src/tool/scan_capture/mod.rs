@@ -4,11 +4,14 @@
 //! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
+//! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
 //! - [`tee`] the raw bytes kept on the side
 //! - [`replay`] recordings
 
 mod args;
+mod configure;
 mod ending;
+mod info;
 mod live;
 mod replay;
 mod sick;
@@ -26,7 +29,16 @@ const NAME: &str = "scan-capture";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    match &args.command {
+        Some(args::Command::Info(args)) => return info::info(args),
+        Some(args::Command::List(args)) => return info::list(args),
+        None => {}
+    }
     args.check()?;
+    let plan = args.configure.plan()?;
+    if let Some(plan) = plan.as_ref().filter(|_| args.configure.dry_run) {
+        return plan.print();
+    }
     let mut options = args.common.options(NAME)?;
     let mut settings = Settings {
         epoch: args.epoch,
@@ -42,7 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let capture = live::Settings::of(&args)?;
     let ending = ending::Ending::new(stop, &options);
     let tee = tee::Tee::new(args.tee.as_deref(), args.tee_rotate.unwrap_or_default());
-    let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
+    let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
     live::run(scanner, &capture, options, &ending, &tee)
 }
 
