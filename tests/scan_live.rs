@@ -48,7 +48,14 @@ impl Emulator {
     }
 
     fn serve(dir: &Path, args: &[&str]) -> Emulator {
-        let common = ["--serve", "127.0.0.1:0", "--n-scans", "3000", "--linger", "60s"];
+        let common = [
+            "--serve",
+            "127.0.0.1:0",
+            "--n-scans",
+            "3000",
+            "--linger",
+            "60s",
+        ];
         Emulator::start(dir, &[&common, args].concat())
     }
 }
@@ -256,7 +263,9 @@ impl Scripted {
                     let text = telegram.body.escape_ascii().to_string();
                     let answer = match telegram.body {
                         b"sRN SCdevicestate" => Answer::Body(b"sRA SCdevicestate \x01".to_vec()),
-                        b"sRN DeviceIdent" => Answer::Body(b"sRA DeviceIdent \0\x01L\0\x011".to_vec()),
+                        b"sRN DeviceIdent" => {
+                            Answer::Body(b"sRA DeviceIdent \0\x01L\0\x011".to_vec())
+                        }
                         [b's', b'E', b'N', rest @ ..] => Answer::Body([b"sEA", rest].concat()),
                         _ => script(&text),
                     };
@@ -448,10 +457,16 @@ fn a_scanner_that_starts_is_waited_for() {
     let dir = scratch("live-wait");
     let device = Emulator::serve(&dir, &["--boot", "2s"]);
     let stderr = capture(&dir, &[&device.place, "-n", "3"]).expect(0);
-    assert!(stderr.contains("waiting for the scanner to measure"), "{stderr}");
+    assert!(
+        stderr.contains("waiting for the scanner to measure"),
+        "{stderr}"
+    );
     drop(device);
     // One that refuses connections is waited for where that is asked for.
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
     let place = port.to_string();
     let args = [&*place, "--wait", "90s", "-n", "3", "-o", "out.csv"];
     let late = Capture::start(&dir, Stdio::null(), &args);
@@ -472,7 +487,10 @@ fn a_scanner_that_never_measures_is_given_up() {
     };
     let requests = device.serve(0, After::Answer, stopped);
     let stderr = capture(&dir, &[&place, "--wait", "300ms"]).expect(69);
-    assert!(stderr.contains("ready, not measuring (STlms 6)"), "{stderr}");
+    assert!(
+        stderr.contains("ready, not measuring (STlms 6)"),
+        "{stderr}"
+    );
     assert!(stderr.contains("--configure --start"), "{stderr}");
     requests.join().unwrap();
 }
@@ -481,19 +499,44 @@ fn a_scanner_that_never_measures_is_given_up() {
 fn what_is_set_reads_back_and_is_not_set_twice() {
     let dir = scratch("live-configure");
     let device = Emulator::serve(&dir, &[]);
-    let set = ["--configure", "--frequency-hz", "50", "--resolution-deg", "0.5"];
-    let more = ["--range-deg", "0,90", "--remission", "off", "--divider", "2", "-n", "20"];
+    let set = [
+        "--configure",
+        "--frequency-hz",
+        "50",
+        "--resolution-deg",
+        "0.5",
+    ];
+    let more = [
+        "--range-deg",
+        "0,90",
+        "--remission",
+        "off",
+        "--divider",
+        "2",
+        "-n",
+        "20",
+    ];
     let args = [&[&*device.place], &set[..], &more].concat();
     let stderr = capture(&dir, &args).expect(0);
     assert!(stderr.contains("the frequency changes"), "{stderr}");
     let seqs = column(&dir.join("out.csv"), "seq");
-    assert!(seqs.windows(2).all(|pair| pair[1] == pair[0] + 1), "{seqs:?}");
+    assert!(
+        seqs.windows(2).all(|pair| pair[1] == pair[0] + 1),
+        "{seqs:?}"
+    );
     let counters = column(&dir.join("out.csv"), "scan_counter");
-    assert!(counters.windows(2).all(|pair| (pair[1] - pair[0]) % 65_536 == 2));
+    assert!(
+        counters
+            .windows(2)
+            .all(|pair| (pair[1] - pair[0]) % 65_536 == 2)
+    );
     let text = fs::read_to_string(dir.join("out.csv")).unwrap();
     let header = text.lines().next().unwrap();
     assert!(!header.contains("remissions"), "{header}");
-    let ranges = header.split(',').position(|name| name == "ranges_mm").unwrap();
+    let ranges = header
+        .split(',')
+        .position(|name| name == "ranges_mm")
+        .unwrap();
     let first = text.lines().nth(1).unwrap().split(',').nth(ranges).unwrap();
     assert_eq!(first.split(' ').count(), 181);
 
@@ -509,14 +552,20 @@ fn what_is_set_reads_back_and_is_not_set_twice() {
     assert_eq!(info["frequency_hz"], 50.0);
     assert_eq!(info["resolution_deg"], 0.5);
     assert_eq!(info["range_deg"], serde_json::json!([0.0, 90.0]));
-    assert_eq!((&info["remission"], &info["divider"]), (&false.into(), &2.into()));
+    assert_eq!(
+        (&info["remission"], &info["divider"]),
+        (&false.into(), &2.into())
+    );
     assert_eq!(info["state"], "measuring (7)");
     assert_eq!(info["firmware"], "V1.80");
 
     fs::write(dir.join("hash"), "12345678").unwrap();
     let args = ["--configure", "--echoes", "all", "--password-file", "hash"];
     let stderr = capture(&dir, &[&[&*device.place], &args[..]].concat()).expect(69);
-    assert!(stderr.contains("login refused") && !stderr.contains("12345678"), "{stderr}");
+    assert!(
+        stderr.contains("login refused") && !stderr.contains("12345678"),
+        "{stderr}"
+    );
 }
 
 #[test]
@@ -570,13 +619,26 @@ fn a_serial_line_works_and_says_what_it_cannot_carry() {
     let dir = scratch("live-serial");
     let link = dir.join("lms");
     let link = link.to_str().unwrap();
-    let serve = ["--serve-pty", link, "--n-scans", "3000", "--linger", "60s"];
+    let serve = [
+        "--serve-pty",
+        link,
+        "--baud",
+        "115200",
+        "--n-scans",
+        "3000",
+        "--linger",
+        "60s",
+    ];
     let _device = Emulator::start(&dir, &serve);
     let args = [link, "--baud", "115200", "-n", "5", "--tee", "run.cola"];
     let ended = capture(&dir, &args);
     // The line is too slow on purpose: scans are lost, and that is said before and after.
     assert!(matches!(ended.status, 0 | 3), "{}", ended.stderr);
-    assert!(ended.stderr.contains("115200 baud carry"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("115200 baud carry"),
+        "{}",
+        ended.stderr
+    );
     assert_eq!(column(&dir.join("out.csv"), "seq").len(), 5);
     assert_replay_is_the_same(&dir, &["run.cola"]);
 }
@@ -588,7 +650,14 @@ fn what_does_not_go_together_is_refused() {
         &["host", "--baud", "9600"][..],
         &["host", "--frequency-hz", "50", "--resolution-deg", "0.5"],
         &["host", "--configure"],
-        &["host", "--configure", "--frequency-hz", "30", "--resolution-deg", "0.5"],
+        &[
+            "host",
+            "--configure",
+            "--frequency-hz",
+            "30",
+            "--resolution-deg",
+            "0.5",
+        ],
         &["host", "--configure", "--frequency-hz", "50"],
         &["host", "--tee-rotate", "1MB"],
         &["host", "--replay", "x"],

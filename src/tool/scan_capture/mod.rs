@@ -5,23 +5,22 @@
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
 //! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
-//! - [`tee`] the raw bytes kept on the side
 //! - [`replay`] recordings
 
 mod args;
 mod configure;
-mod ending;
 mod info;
 mod live;
 mod replay;
 mod sick;
-mod tee;
 
 pub use args::Args;
 
 use crate::frame::Frame;
 use crate::sick::replay::Settings;
 use crate::stream::{Outcome, Stop};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::path::Path;
 
 /// The tool's name.
@@ -52,8 +51,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let stop = Stop::install()?;
     let capture = live::Settings::of(&args)?;
-    let ending = ending::Ending::new(stop, &options);
-    let tee = tee::Tee::new(args.tee.as_deref(), args.tee_rotate.unwrap_or_default());
+    let ending = Ending::new(stop, &options);
+    let rotation = args.tee_rotate.unwrap_or_default();
+    let tee = Tee::new(NAME, args.tee.as_deref(), rotation);
     let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
     live::run(scanner, &capture, options, &ending, &tee)
 }

@@ -3,9 +3,7 @@
 use super::NAME;
 use super::args::Args;
 use super::configure::Plan;
-use super::ending::Ending;
 use super::live::{Heard, LineFault, Scanner};
-use super::tee::Tee;
 use crate::link::{Endpoint, LinkError};
 use crate::record::Scan;
 use crate::sick::client::commands::{self, Contamination, DeviceStatus};
@@ -16,6 +14,8 @@ use crate::sick::cola::Telegram;
 use crate::sick::replay::{self, Replay};
 use crate::sick::scandata::{self, FieldError, LmdScandata};
 use crate::stream::{Fault, Options};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -202,7 +202,12 @@ impl Sick {
                 }
                 Ok(())
             }
-            Err(ConfigureError::Client(error)) => Err(fault(error)),
+            Err(ConfigureError::Client(error)) => Err(match fault(error) {
+                LineFault::Hopeless(error) => {
+                    LineFault::Hopeless(error.context(self.endpoint.to_string()))
+                }
+                other => other,
+            }),
             Err(error @ ConfigureError::ReadBack(_)) => {
                 let text = format!("{}: {error}", self.endpoint);
                 Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
