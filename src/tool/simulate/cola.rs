@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let behaviour = Behaviour {
         linger: Duration::ZERO,
         boot: Duration::ZERO,
-        ..serve::behaviour(serve, model, mode)
+        ..serve::behaviour(serve, model, mode, epoch)
     };
     let stop = Stop::install()?;
     let mut sink = match &args.common.output {

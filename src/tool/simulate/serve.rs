@@ -3,11 +3,12 @@
 use super::serve_args::{Address, ServeArgs};
 use super::source::{Simulation, View};
 use super::{Args, Sides, args};
-use crate::frame::ScannerModel;
+use crate::frame::{ScanMode, ScannerModel};
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
+use crate::record::Stamp;
 use crate::sick::emulator::recording::Recording;
-use crate::sick::emulator::{Behaviour, Emulator, Identity, Speech};
+use crate::sick::emulator::{Behaviour, Emulator, Identity, Source, Speech};
 use crate::simulate::Simulator;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::net::SocketAddr;
@@ -32,14 +33,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     let serve = &args.serve;
     let (view, model, mode) = view(args, &mut options)?;
-    let behaviour = behaviour(serve, model, mode);
     let stop = Stop::install()?;
-    let mut device = Emulator::new(behaviour, view);
     let mut emulation = Emulation::new(Conditions {
         speed: serve.speed.factor(),
         faults: serve.faults.clone(),
         seed: args.seed,
     });
+    let behaviour = behaviour(serve, model, mode, emulation.start_utc());
+    let mut device = Emulator::new(behaviour, view);
     open(serve, &mut emulation, &mut device).map_err(fault)?;
     let account = emulation
         .run(&mut device, || stop.requested())
@@ -60,10 +61,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 pub(super) fn view(
     args: &Args,
     options: &mut Options,
-) -> anyhow::Result<(View, &'static ScannerModel, crate::frame::ScanMode)> {
+) -> anyhow::Result<(View, &'static ScannerModel, ScanMode)> {
     if let Some(path) = &args.serve.replay {
         let (recording, model) = recording(path, args.serve.repeat)?;
-        let mode = crate::sick::emulator::Source::fixed_mode(&recording);
+        let mode = recording.fixed_mode();
         let mode = mode.unwrap_or(model.modes[0]);
         return Ok((View::Recording(recording), model, mode));
     }
@@ -106,7 +107,8 @@ fn recording(path: &Path, repeat: u64) -> anyhow::Result<(Recording, &'static Sc
 pub(super) fn behaviour(
     serve: &ServeArgs,
     model: &'static ScannerModel,
-    mode: crate::frame::ScanMode,
+    mode: ScanMode,
+    start: Stamp,
 ) -> Behaviour {
     let host = match serve.dialect.as_str() {
         "a" => Speech::Text,
@@ -120,8 +122,6 @@ pub(super) fn behaviour(
         None => {}
     }
     speech.extend(serve.serve_pty.iter().map(|_| host));
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let now_ns = now.map_or(0, |now| now.as_nanos() as i64);
     Behaviour {
         identity: Identity::default(),
         model,
@@ -135,7 +135,7 @@ pub(super) fn behaviour(
         clock_ppm: serve.clock_ppm,
         calendar_ns: serve
             .clock_offset_s
-            .map(|offset_s| now_ns + (offset_s * 1e9).round() as i64),
+            .map(|offset_s| start.plus_s(offset_s).ns()),
         uptime: Duration::try_from_secs_f64(serve.uptime_s).unwrap_or_default(),
         transmit_stamp: serve.stamp,
     }

@@ -6,8 +6,17 @@
 //! [`faults`](super::faults). No client can hold up another or make memory grow: a slow one loses
 //! whole messages with data, and one that does not read its replies is not read from.
 
+mod device;
+mod line;
+mod time;
+
+pub use device::{Device, LineId, Message, Outbox};
+
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
 use super::{Connection, LinkError, Pty};
+use crate::record::Stamp;
+use device::Order;
+use line::Line;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::collections::VecDeque;
 use std::fmt;
@@ -16,183 +25,8 @@ use std::net::{SocketAddr, TcpListener};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use time::{Time, nanoseconds};
 
-/// One client's line, by number; a number is never used twice.
-pub type LineId = u64;
-
-/// A device without its lines. All times are nanoseconds of true time since the emulation's start.
-pub trait Device {
-    /// A client came to the service of this number (in the order in which they were added).
-    fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {}
-    /// It left.
-    fn disconnected(&mut self, _line: LineId) {}
-    /// Bytes came.
-    fn input(&mut self, line: LineId, bytes: &[u8], now_ns: i64, out: &mut Outbox);
-    /// Does what is due by now.
-    fn advance(&mut self, now_ns: i64, out: &mut Outbox);
-    /// When [`Device::advance`] is to be called next; none: not before something else happens.
-    fn due_ns(&self) -> Option<i64>;
-    /// Time to work ahead, so that what is due next is ready then.
-    fn prepare(&mut self) {}
-    /// The device restarts now and needs so long for it; its lines are gone.
-    fn restart(&mut self, _now_ns: i64, _boot: Duration) {}
-    /// Whether the time until what is due next may be passed over when time is as fast as can be.
-    fn hurries(&self) -> bool {
-        true
-    }
-    /// Nothing will come any more.
-    fn ended(&self) -> bool {
-        false
-    }
-}
-
-/// What a device wants done.
-#[derive(Debug, Default)]
-pub struct Outbox {
-    bytes: Vec<u8>,
-    orders: Vec<Order>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Order {
-    Send {
-        line: LineId,
-        what: Message,
-        end: usize,
-    },
-    Close(LineId),
-    Restart(Duration),
-}
-
-/// What is sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Message {
-    /// An answer.
-    Reply,
-    /// Data that was asked for.
-    Polled,
-    /// Data that comes by itself.
-    Data,
-}
-
-impl Outbox {
-    /// Sends an answer: never damaged, never lost to a full buffer.
-    pub fn reply(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Reply);
-    }
-
-    /// Sends data (a scan, a sample) that comes by itself: the faults damage it, slow clients lose it.
-    pub fn data(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Data);
-    }
-
-    /// Sends data that a client asked for: the faults damage it, but it is never lost to a full
-    /// buffer.
-    pub fn polled(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Polled);
-    }
-
-    /// Closes a line once what was said before has gone.
-    pub fn close(&mut self, line: LineId) {
-        self.orders.push(Order::Close(line));
-    }
-
-    /// The device restarts, once what was said before has gone.
-    pub fn restart(&mut self, boot: Duration) {
-        self.orders.push(Order::Restart(boot));
-    }
-
-    /// What has been sent to whom, for whoever runs a device without lines.
-    pub fn take(&mut self) -> Vec<(LineId, Message, Vec<u8>)> {
-        let mut sent = Vec::new();
-        let mut start = 0;
-        for order in self.orders.drain(..) {
-            if let Order::Send { line, what, end } = order {
-                let bytes = self.bytes.get(start..end).unwrap_or_default();
-                sent.push((line, what, bytes.to_vec()));
-                start = end;
-            }
-        }
-        self.bytes.clear();
-        sent
-    }
-
-    fn send(&mut self, line: LineId, bytes: &[u8], what: Message) {
-        self.bytes.extend_from_slice(bytes);
-        let end = self.bytes.len();
-        self.orders.push(Order::Send { line, what, end });
-    }
-}
-
-/// How time goes.
-#[derive(Clone, Copy, Debug)]
-struct Time {
-    start: Instant,
-    /// Seconds a second; none: as fast as can be.
-    speed: Option<f64>,
-    /// Time passed over, ns.
-    skipped_ns: i64,
-}
-
-impl Time {
-    fn now_ns(&self) -> i64 {
-        let elapsed = self.start.elapsed();
-        match self.speed {
-            Some(1.0) => nanoseconds(elapsed),
-            Some(speed) => (elapsed.as_secs_f64() * speed * 1e9) as i64,
-            None => nanoseconds(elapsed) + self.skipped_ns,
-        }
-    }
-
-    /// The host's time until an instant.
-    fn until(&self, t_ns: i64) -> Duration {
-        let left_ns = t_ns.saturating_sub(self.now_ns()).max(0) as f64;
-        Duration::from_secs_f64(left_ns * 1e-9 / self.speed.unwrap_or(1.0))
-    }
-
-    fn pass_over_to(&mut self, t_ns: i64) {
-        if self.speed.is_none() {
-            self.skipped_ns += t_ns.saturating_sub(self.now_ns()).max(0);
-        }
-    }
-}
-
-fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
-
-/// Where clients come in.
-enum Door {
-    Tcp(TcpListener),
-    /// A pseudo terminal has one line, which is always open.
-    Pty,
-}
-
-struct Line {
-    id: LineId,
-    connection: Connection,
-    damage: Damage,
-    /// Bytes that wait, and how many of them have gone.
-    queue: Vec<u8>,
-    gone: usize,
-    /// Where in `queue` whole messages with data end.
-    ends: VecDeque<usize>,
-    /// A serial port's speed, bytes a second.
-    bytes_per_s: Option<f64>,
-    /// When the serial port has sent what it was given, ns.
-    busy_until_ns: i64,
-    /// Messages lost to a full queue.
-    crowded_out: u64,
-    /// Nothing more is said; the line closes once the queue is empty.
-    closing: bool,
-    /// A pseudo terminal outlives its clients.
-    lasting: bool,
-}
-
-/// Data waits up to this many bytes; one message always may.
-const ROOM: usize = 256 << 10;
-/// The same on a serial line.
-const SERIAL_ROOM: usize = 8 << 10;
 /// With more than this waiting, a client is not read from.
 const UNREAD: usize = 64 << 10;
 /// The longest wait between two looks at whether to stop.
@@ -201,85 +35,12 @@ const NAP: Duration = Duration::from_millis(20);
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Clients at a time; further ones are turned away.
 const MOST_LINES: usize = 64;
-/// The most that is written to a pseudo terminal at a time on a paced line, s.
-const PACED_S: f64 = 0.002;
 
-impl Line {
-    fn waiting(&self) -> usize {
-        self.queue.len() - self.gone
-    }
-
-    fn room(&self) -> usize {
-        if self.bytes_per_s.is_some() || self.lasting {
-            SERIAL_ROOM
-        } else {
-            ROOM
-        }
-    }
-
-    fn enqueue(&mut self, bytes: &[u8], what: Message) {
-        if self.closing {
-            return;
-        }
-        if what == Message::Reply {
-            self.queue.extend_from_slice(bytes);
-            return;
-        }
-        let may_lose = what == Message::Data && self.waiting() > 0;
-        if may_lose && self.waiting() + bytes.len() > self.room() {
-            self.crowded_out += 1;
-            return;
-        }
-        if self.damage.message(bytes, &mut self.queue) {
-            self.ends.push_back(self.queue.len());
-        }
-    }
-
-    /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
-    fn lose_queue(&mut self) {
-        let lost = self.ends.iter().filter(|end| **end > self.gone).count();
-        self.damage.lose(lost as u64);
-        self.queue.clear();
-        self.ends.clear();
-        self.gone = 0;
-    }
-
-    /// Sends what the line takes now.
-    fn send(&mut self, now_ns: i64) -> Result<(), LinkError> {
-        while self.waiting() > 0 {
-            let mut piece = self.damage.piece(self.waiting());
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                if self.busy_until_ns > now_ns {
-                    break;
-                }
-                piece = piece.min((bytes_per_s * PACED_S).ceil() as usize);
-            }
-            let bytes = self.queue.get(self.gone..self.gone + piece);
-            let sent = self.connection.write_some(bytes.unwrap_or_default())?;
-            if sent == 0 {
-                break;
-            }
-            self.gone += sent;
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                let begun_ns = self.busy_until_ns.max(now_ns - 5_000_000);
-                self.busy_until_ns = begun_ns + (sent as f64 / bytes_per_s * 1e9) as i64;
-            }
-        }
-        while self.ends.front().is_some_and(|end| *end <= self.gone) {
-            self.ends.pop_front();
-        }
-        if self.waiting() == 0 {
-            self.queue.clear();
-            self.gone = 0;
-        } else if self.gone > ROOM {
-            self.queue.drain(..self.gone);
-            for end in &mut self.ends {
-                *end -= self.gone;
-            }
-            self.gone = 0;
-        }
-        Ok(())
-    }
+/// Where clients come in.
+enum Door {
+    Tcp(TcpListener),
+    /// A pseudo terminal has one line, which is always open.
+    Pty,
 }
 
 /// What an emulation has done.
@@ -336,11 +97,7 @@ impl Emulation {
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
-            time: Time {
-                start: Instant::now(),
-                speed: conditions.speed,
-                skipped_ns: 0,
-            },
+            time: Time::new(conditions.speed),
             mishaps: conditions.faults.timed.iter().copied().collect(),
             conditions,
             doors: Vec::new(),
@@ -351,6 +108,11 @@ impl Emulation {
             down_until_ns: i64::MIN,
             account: Account::default(),
         }
+    }
+
+    /// When it began, by the host's clock.
+    pub fn start_utc(&self) -> Stamp {
+        self.time.start_utc()
     }
 
     /// Takes clients at an address; the port taken, where 0 was asked.
@@ -447,7 +209,7 @@ impl Emulation {
         let mut wait = NAP;
         if let Some(due_ns) = due_ns {
             let drained = self.lines.iter().all(|line| line.waiting() == 0);
-            if self.time.speed.is_none() && drained && device.hurries() {
+            if self.time.is_free() && drained && device.hurries() {
                 let mishap_ns = self.mishaps.front().map(|fault| nanoseconds(fault.at));
                 self.time
                     .pass_over_to(due_ns.min(mishap_ns.unwrap_or(i64::MAX)));
@@ -686,5 +448,104 @@ impl Emulation {
             self.account.crowded_out += line.crowded_out + unsent as u64;
             line.connection.end();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Shutdown;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    const WAIT: Duration = Duration::from_secs(20);
+
+    /// Sends back what it hears, in capitals, and ends at a full stop.
+    #[derive(Default)]
+    struct Parrot {
+        clients: usize,
+        ended: bool,
+    }
+
+    impl Device for Parrot {
+        fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {
+            self.clients += 1;
+        }
+        fn input(&mut self, line: LineId, bytes: &[u8], _now_ns: i64, out: &mut Outbox) {
+            out.reply(line, &bytes.to_ascii_uppercase());
+            self.ended |= bytes.contains(&b'.');
+        }
+        fn advance(&mut self, _now_ns: i64, _out: &mut Outbox) {}
+        fn due_ns(&self) -> Option<i64> {
+            None
+        }
+        fn ended(&self) -> bool {
+            self.ended
+        }
+    }
+
+    fn hear(line: &mut Connection, count: usize) -> Vec<u8> {
+        let mut heard = Vec::new();
+        let mut buffer = [0; 64];
+        while heard.len() < count {
+            let received = line.read(&mut buffer, WAIT).unwrap().unwrap();
+            heard.extend_from_slice(&buffer[..received.bytes]);
+        }
+        heard
+    }
+
+    #[test]
+    fn a_device_is_heard_on_sockets_and_ptys_and_ends_in_order() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let mut device = Parrot::default();
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let name = format!("cablepose-parrot-{}", std::process::id());
+        let link = std::env::temp_dir().join(name);
+        emulation.open_pty(&mut device, &link, None).unwrap();
+        let talk = std::thread::spawn(move || {
+            let open = |place: &str| {
+                let place = place.parse().unwrap();
+                Connection::open(&place, 0, 115_200, WAIT).unwrap()
+            };
+            let mut socket = open(&address.to_string());
+            let mut serial = open(link.to_str().unwrap());
+            serial.write_all(b"polly", WAIT).unwrap();
+            assert_eq!(hear(&mut serial, 5), b"POLLY");
+            socket.write_all(b"cracker.", WAIT).unwrap();
+            assert_eq!(hear(&mut socket, 8), b"CRACKER.");
+            let end = socket.read(&mut [0; 8], WAIT);
+            assert!(matches!(end, Err(LinkError::Closed { .. })));
+        });
+        let account = emulation.run(&mut device, || false).unwrap();
+        talk.join().unwrap();
+        assert_eq!((account.clients, device.clients), (1, 2));
+    }
+
+    #[test]
+    fn who_reads_no_answers_is_not_read_from() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let stuck = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let stream = std::net::TcpStream::connect(address).unwrap();
+                let mut line = Connection::from_stream(stream.try_clone().unwrap()).unwrap();
+                // Answers come back until every buffer on the way is full.
+                while line
+                    .write_all(&[b'x'; 65_536], Duration::from_millis(300))
+                    .is_ok()
+                {}
+                stuck.store(true, Ordering::Relaxed);
+                stream.shutdown(Shutdown::Both).unwrap();
+            });
+            let account = emulation.run(&mut Parrot::default(), || stuck.load(Ordering::Relaxed));
+            assert_eq!(account.unwrap().clients, 1);
+        });
+        assert!(stuck.load(Ordering::Relaxed));
     }
 }
