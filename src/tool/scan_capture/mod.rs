@@ -4,15 +4,12 @@
 //! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
-//! - [`tee`] the raw bytes kept on the side
 //! - [`replay`] recordings
 
 mod args;
-mod ending;
 mod live;
 mod replay;
 mod sick;
-mod tee;
 
 pub use args::Args;
 
@@ -40,8 +37,12 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let stop = Stop::install()?;
     let capture = live::Settings::of(&args)?;
-    let ending = ending::Ending::new(stop, &options);
-    let tee = tee::Tee::new(args.tee.as_deref(), args.tee_rotate.unwrap_or_default());
+    let ending = crate::tool::ending::Ending::new(stop, &options);
+    let tee = crate::tool::tee::Tee::new(
+        NAME,
+        args.tee.as_deref(),
+        args.tee_rotate.unwrap_or_default(),
+    );
     let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
     live::run(scanner, &capture, options, &ending, &tee)
 }
