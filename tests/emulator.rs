@@ -530,6 +530,18 @@ fn what_does_not_go_together_is_refused() {
     let frame = "-f frame.toml";
     for (args, status, word) in [
         ("--serve 127.0.0.1:0", 2, "--frame"),
+        ("-f frame.toml --serve 127.0.0.1:0 --from +1s", 2, "--from"),
+        (
+            "-f frame.toml --serve 127.0.0.1:0 --uptime-s -1",
+            2,
+            "power-on",
+        ),
+        (
+            "-f frame.toml --serve 127.0.0.1:0 --clock-ppm nan",
+            2,
+            "100000",
+        ),
+        ("-f frame.toml --format cola --faults chunk=3", 2, "chunks"),
         ("-f frame.toml --hold", 2, "--hold belongs to --serve"),
         ("-f frame.toml --clock-ppm 20", 2, "--format cola"),
         (

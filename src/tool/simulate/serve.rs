@@ -7,6 +7,7 @@ use crate::frame::{ScanMode, ScannerModel};
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
 use crate::record::Stamp;
+use crate::sick::cola::Dialect;
 use crate::sick::emulator::recording::Recording;
 use crate::sick::emulator::{Behaviour, Emulator, Identity, Source, Speech};
 use crate::simulate::Simulator;
@@ -110,10 +111,10 @@ pub(super) fn behaviour(
     mode: ScanMode,
     start: Stamp,
 ) -> Behaviour {
-    let host = match serve.dialect.as_str() {
-        "a" => Speech::Text,
-        "b" => Speech::Binary,
-        _ => Speech::Both,
+    let (host, host_dialect) = match serve.dialect.as_str() {
+        "a" => (Speech::Host, Dialect::Text),
+        "b" => (Speech::Host, Dialect::Binary),
+        _ => (Speech::Both, Dialect::Binary),
     };
     let mut speech = Vec::new();
     match serve.serve {
@@ -127,6 +128,7 @@ pub(super) fn behaviour(
         model,
         mode,
         speech,
+        host_dialect,
         boot: serve.boot.unwrap_or(Duration::ZERO),
         reboot: serve.boot.unwrap_or(REBOOT),
         settle: SETTLE,

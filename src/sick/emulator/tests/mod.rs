@@ -71,6 +71,7 @@ fn behaviour() -> Behaviour {
         model,
         mode: model.mode(25.0, 0.1667).unwrap(),
         speech: vec![Speech::Both],
+        host_dialect: Dialect::Binary,
         boot: Duration::ZERO,
         reboot: Duration::from_secs(3),
         settle: Duration::from_millis(500),
@@ -279,7 +280,7 @@ fn who_is_not_logged_in_may_read_and_listen_but_not_change() {
 fn a_port_may_know_one_dialect_only() {
     let mut bench = Bench::new(
         Behaviour {
-            speech: vec![Speech::Text, Speech::Binary],
+            speech: vec![Speech::Text, Speech::Host],
             ..behaviour()
         },
         1,
@@ -293,6 +294,20 @@ fn a_port_may_know_one_dialect_only() {
         bench.send_from(2, b"sRN SCdevicestate"),
         [b"sRA SCdevicestate \x01"]
     );
+    // Another dialect is one of the next power-on, if it was saved.
+    let asked: [&[u8]; 3] = [
+        b"sMN SetAccessMode \x03\xf4\x72\x47\x44",
+        b"sWN EIHstCola \x00",
+        b"sMN mEEwriteall",
+    ];
+    for request in asked {
+        assert_eq!(bench.send_from(2, request).len(), 1);
+    }
+    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sRA LCMstate \x00"]);
+    bench.device.restart(bench.now_ns, Duration::ZERO);
+    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sFA 11"]);
+    bench.dialect = Dialect::Text;
+    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sRA LCMstate 0"]);
 }
 
 #[test]
