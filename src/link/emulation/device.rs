@@ -21,6 +21,10 @@ pub trait Device {
     fn prepare(&mut self) {}
     /// The device restarts now and needs so long for it; its lines are gone.
     fn restart(&mut self, _now_ns: i64, _boot: Duration) {}
+    /// The speed at which it talks on a serial line now; none: that which the line was opened with.
+    fn baud(&self) -> Option<u32> {
+        None
+    }
     /// Whether the time until what is due next may be passed over when time is as fast as can be.
     fn hurries(&self) -> bool {
         true

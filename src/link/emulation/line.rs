@@ -1,9 +1,11 @@
 //! One client's line: what waits for it, at what speed it goes, what is lost.
 
 use super::device::{LineId, Message};
+use super::wire::{Wire, is_deaf};
 use crate::link::faults::Damage;
 use crate::link::{Connection, LinkError};
 use std::collections::VecDeque;
+use std::path::PathBuf;
 
 /// A line to one client.
 pub(super) struct Line {
@@ -15,38 +17,36 @@ pub(super) struct Line {
     pub(super) gone: usize,
     /// Where in `queue` whole messages with data end.
     pub(super) ends: VecDeque<usize>,
-    /// A serial port's speed, bytes a second.
-    pub(super) bytes_per_s: Option<f64>,
-    /// When the serial port has sent what it was given, ns.
-    pub(super) busy_until_ns: i64,
+    /// What a serial port's bytes go over.
+    pub(super) wire: Option<Wire>,
     /// Messages lost to a full queue.
     pub(super) crowded_out: u64,
     /// Nothing more is said; the line closes once the queue is empty.
     pub(super) closing: bool,
-    /// A pseudo terminal outlives its clients.
-    pub(super) lasting: bool,
+    /// A pseudo terminal outlives its clients: the link that points to it.
+    pub(super) lasting: Option<PathBuf>,
 }
 
 /// Data waits up to this many bytes; one message always may.
 const ROOM: usize = 256 << 10;
 /// The same on a serial line.
 const SERIAL_ROOM: usize = 8 << 10;
-/// The most that is written to a pseudo terminal at a time on a paced line, s.
-const PACED_S: f64 = 0.002;
 
 impl Line {
+    /// Bytes that wait.
     pub(super) fn waiting(&self) -> usize {
         self.queue.len() - self.gone
     }
 
     fn room(&self) -> usize {
-        if self.bytes_per_s.is_some() || self.lasting {
+        if self.wire.is_some() || self.lasting.is_some() {
             SERIAL_ROOM
         } else {
             ROOM
         }
     }
 
+    /// Puts a message behind what waits.
     pub(super) fn enqueue(&mut self, bytes: &[u8], what: Message) {
         if self.closing {
             return;
@@ -65,6 +65,11 @@ impl Line {
         }
     }
 
+    /// When bytes that wait have come over the wire, ns; none where they may go at once.
+    pub(super) fn wire_due_ns(&self) -> Option<i64> {
+        self.wire.as_ref()?.due_ns(self.waiting())
+    }
+
     /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
     pub(super) fn lose_queue(&mut self) {
         let lost = self.ends.iter().filter(|end| **end > self.gone).count();
@@ -72,27 +77,40 @@ impl Line {
         self.queue.clear();
         self.ends.clear();
         self.gone = 0;
+        if let Some(wire) = &mut self.wire {
+            wire.begun_ns = None;
+        }
     }
 
     /// Sends what the line takes now.
     pub(super) fn send(&mut self, now_ns: i64) -> Result<(), LinkError> {
         while self.waiting() > 0 {
-            let mut piece = self.damage.piece(self.waiting());
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                if self.busy_until_ns > now_ns {
+            let waiting = self.waiting();
+            let mut piece = self.damage.piece(waiting);
+            if let Some(wire) = &mut self.wire {
+                piece = piece.min(wire.ready(waiting, now_ns));
+                if piece == 0 {
                     break;
                 }
-                piece = piece.min((bytes_per_s * PACED_S).ceil() as usize);
             }
             let bytes = self.queue.get(self.gone..self.gone + piece);
-            let sent = self.connection.write_some(bytes.unwrap_or_default())?;
+            let bytes = bytes.unwrap_or_default();
+            let deaf = is_deaf(self.wire.as_ref(), &self.connection);
+            let sent = match self.wire.as_mut().filter(|_| deaf) {
+                Some(wire) => self.connection.write_some(&wire.garbage(piece))?,
+                None => self.connection.write_some(bytes)?,
+            };
             if sent == 0 {
+                if let Some(wire) = &mut self.wire {
+                    // Nobody reads: what follows is paced anew.
+                    wire.begun_ns = Some(now_ns);
+                }
                 break;
             }
             self.gone += sent;
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                let begun_ns = self.busy_until_ns.max(now_ns - 5_000_000);
-                self.busy_until_ns = begun_ns + (sent as f64 / bytes_per_s * 1e9) as i64;
+            let left = self.waiting();
+            if let Some(wire) = &mut self.wire {
+                wire.handed_over(sent, left);
             }
         }
         while self.ends.front().is_some_and(|end| *end <= self.gone) {

@@ -9,12 +9,13 @@
 mod device;
 mod line;
 mod time;
+mod wire;
 
 pub use device::{Device, LineId, Message, Outbox};
+pub use wire::Serial;
 
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
-use super::{Connection, LinkError, Pty};
-use crate::record::Stamp;
+use super::{Connection, HostInstant, LinkError, Pty};
 use device::Order;
 use line::Line;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -26,6 +27,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use time::{Time, nanoseconds};
+use wire::{Wire, is_deaf};
 
 /// With more than this waiting, a client is not read from.
 const UNREAD: usize = 64 << 10;
@@ -41,6 +43,16 @@ enum Door {
     Tcp(TcpListener),
     /// A pseudo terminal has one line, which is always open.
     Pty,
+}
+
+/// A pseudo terminal that is unplugged, to come back.
+struct Unplugged {
+    id: LineId,
+    link: PathBuf,
+    damage: Damage,
+    wire: Option<Wire>,
+    crowded_out: u64,
+    back_ns: i64,
 }
 
 /// What an emulation has done.
@@ -84,6 +96,7 @@ pub struct Emulation {
     conditions: Conditions,
     doors: Vec<Door>,
     lines: Vec<Line>,
+    unplugged: Vec<Unplugged>,
     next_line: LineId,
     mishaps: VecDeque<TimedFault>,
     stalled_until_ns: i64,
@@ -94,6 +107,11 @@ pub struct Emulation {
 }
 
 impl Emulation {
+    /// When true time began.
+    pub fn start(&self) -> HostInstant {
+        self.time.start
+    }
+
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
@@ -102,17 +120,13 @@ impl Emulation {
             conditions,
             doors: Vec::new(),
             lines: Vec::new(),
+            unplugged: Vec::new(),
             next_line: 0,
             stalled_until_ns: i64::MIN,
             dark_until_ns: i64::MIN,
             down_until_ns: i64::MIN,
             account: Account::default(),
         }
-    }
-
-    /// When it began, by the host's clock.
-    pub fn start_utc(&self) -> Stamp {
-        self.time.start_utc()
     }
 
     /// Takes clients at an address; the port taken, where 0 was asked.
@@ -136,6 +150,20 @@ impl Emulation {
         link: &Path,
         baud: Option<u32>,
     ) -> Result<PathBuf, LinkError> {
+        let serial = Serial {
+            baud,
+            ..Serial::default()
+        };
+        self.open_serial(device, link, serial)
+    }
+
+    /// The same with everything that a serial line can be.
+    pub fn open_serial(
+        &mut self,
+        device: &mut impl Device,
+        link: &Path,
+        serial: Serial,
+    ) -> Result<PathBuf, LinkError> {
         let pty = Pty::open_as(link).map_err(|error| LinkError::Open {
             place: link.display().to_string(),
             reason: super::connection::plain(&error),
@@ -143,15 +171,21 @@ impl Emulation {
         let path = pty.path().to_owned();
         let service = self.doors.len();
         self.doors.push(Door::Pty);
-        let id = self.add(Connection::from_pty(pty), baud, true);
+        let connection = Connection::from_pty(pty);
+        let id = self.add(connection, Wire::new(serial), Some(link.to_owned()));
         device.connected(id, service, self.time.now_ns());
         Ok(path)
     }
 
-    fn add(&mut self, connection: Connection, baud: Option<u32>, lasting: bool) -> LineId {
+    fn add(
+        &mut self,
+        connection: Connection,
+        wire: Option<Wire>,
+        lasting: Option<PathBuf>,
+    ) -> LineId {
         let id = self.next_line;
         self.next_line += 1;
-        self.account.clients += u64::from(!lasting);
+        self.account.clients += u64::from(lasting.is_none());
         self.lines.push(Line {
             id,
             connection,
@@ -159,8 +193,7 @@ impl Emulation {
             queue: Vec::new(),
             gone: 0,
             ends: VecDeque::new(),
-            bytes_per_s: baud.map(|baud| f64::from(baud) / 10.0),
-            busy_until_ns: i64::MIN,
+            wire,
             crowded_out: 0,
             closing: false,
             lasting,
@@ -190,6 +223,7 @@ impl Emulation {
                 device.advance(now_ns, &mut out);
             }
             self.deliver(device, &mut out);
+            self.follow_baud(device);
             self.send(device);
             device.prepare();
         }
@@ -224,9 +258,11 @@ impl Emulation {
                 wait = wait.min(self.time.until(until_ns));
             }
         }
-        let paced = self.lines.iter().filter(|line| line.waiting() > 0);
-        for line in paced.filter(|line| line.busy_until_ns > now_ns) {
-            wait = wait.min(self.time.until(line.busy_until_ns));
+        for due_ns in self.lines.iter().filter_map(Line::wire_due_ns) {
+            wait = wait.min(self.time.until(due_ns));
+        }
+        for away in &self.unplugged {
+            wait = wait.min(self.time.until(away.back_ns));
         }
         if self.is_dark(now_ns) {
             std::thread::sleep(wait);
@@ -237,7 +273,7 @@ impl Emulation {
         for line in &self.lines {
             let mut what = PollFlags::empty();
             what.set(PollFlags::IN, line.waiting() <= UNREAD && !line.closing);
-            let may_send = !silent && line.busy_until_ns <= now_ns;
+            let may_send = !silent && line.wire_due_ns().is_none_or(|due_ns| due_ns <= now_ns);
             what.set(PollFlags::OUT, line.waiting() > 0 && may_send);
             if let Some(line) = line.connection.waitable() {
                 waited.push((line, what));
@@ -292,7 +328,7 @@ impl Emulation {
                     connection.reset();
                     continue;
                 }
-                let id = self.add(connection, None, false);
+                let id = self.add(connection, None, None);
                 device.connected(id, service, now_ns);
             }
         }
@@ -315,8 +351,10 @@ impl Emulation {
                 Ok(None) => {}
                 Ok(Some(received)) => {
                     let bytes = buffer.get(..received.bytes).unwrap_or_default();
-                    // A pseudo terminal of a device that is down hears nothing.
-                    if now_ns >= self.down_until_ns {
+                    // A pseudo terminal of a device that is down hears nothing, nor does one that
+                    // is spoken to at another speed.
+                    let deaf = is_deaf(line.wire.as_ref(), &line.connection);
+                    if now_ns >= self.down_until_ns && !deaf {
                         device.input(line.id, bytes, self.time.now_ns(), out);
                     }
                 }
@@ -393,6 +431,7 @@ impl Emulation {
             self.dark_until_ns = i64::MIN;
             self.break_off(device);
         }
+        self.plug_in(now_ns);
         while let Some(fault) = self.mishaps.front().copied() {
             if nanoseconds(fault.at) > now_ns {
                 return;
@@ -406,7 +445,62 @@ impl Emulation {
                     self.lines.iter_mut().for_each(Line::lose_queue);
                 }
                 Mishap::Reboot(lasts) => self.restart(device, lasts),
+                Mishap::Unplug(lasts) => self.unplug(now_ns + nanoseconds(lasts)),
             }
+        }
+    }
+
+    /// Pulls every pseudo terminal: its link is gone and whoever has it open reads an error. The device
+    /// talks on into nothing.
+    fn unplug(&mut self, back_ns: i64) {
+        for mut line in std::mem::take(&mut self.lines) {
+            let Some(link) = line.lasting.clone() else {
+                self.lines.push(line);
+                continue;
+            };
+            line.lose_queue();
+            self.unplugged.push(Unplugged {
+                id: line.id,
+                link,
+                damage: line.damage,
+                wire: line.wire,
+                crowded_out: line.crowded_out,
+                back_ns,
+            });
+        }
+    }
+
+    /// Brings back what was unplugged for long enough.
+    fn plug_in(&mut self, now_ns: i64) {
+        for away in std::mem::take(&mut self.unplugged) {
+            let opened = (away.back_ns <= now_ns).then(|| Pty::open_as(&away.link));
+            let Some(Ok(pty)) = opened else {
+                // Where the link's place is taken, it is tried again.
+                self.unplugged.push(away);
+                continue;
+            };
+            let id = self.add(Connection::from_pty(pty), away.wire, Some(away.link));
+            if let Some(line) = self.lines.iter_mut().find(|line| line.id == id) {
+                line.id = away.id;
+                line.damage = away.damage;
+                line.crowded_out = away.crowded_out;
+            }
+        }
+    }
+
+    /// Lets the serial lines go at the device's speed.
+    fn follow_baud(&mut self, device: &impl Device) {
+        let Some(baud) = device.baud() else {
+            return;
+        };
+        let away = self.unplugged.iter_mut().map(|away| &mut away.wire);
+        let wires = self.lines.iter_mut().map(|line| &mut line.wire).chain(away);
+        for wire in wires
+            .flatten()
+            .filter(|wire| wire.serial.baud != Some(baud))
+        {
+            wire.serial.baud = Some(baud);
+            wire.bytes_per_s = f64::from(baud) / 10.0;
         }
     }
 
@@ -415,8 +509,10 @@ impl Emulation {
         for line in &mut self.lines {
             line.lose_queue();
         }
-        let (lasting, gone): (Vec<Line>, Vec<Line>) =
-            self.lines.drain(..).partition(|line| line.lasting);
+        let (lasting, gone): (Vec<Line>, Vec<Line>) = self
+            .lines
+            .drain(..)
+            .partition(|line| line.lasting.is_some());
         self.lines = lasting;
         for line in gone {
             self.account.losses.add(&line.damage.losses());
@@ -447,6 +543,10 @@ impl Emulation {
             self.account.losses.add(&line.damage.losses());
             self.account.crowded_out += line.crowded_out + unsent as u64;
             line.connection.end();
+        }
+        for away in std::mem::take(&mut self.unplugged) {
+            self.account.losses.add(&away.damage.losses());
+            self.account.crowded_out += away.crowded_out;
         }
     }
 }

@@ -1,13 +1,12 @@
 //! How time goes in an emulation.
 
 use crate::link::HostInstant;
-use crate::record::Stamp;
 use std::time::Duration;
 
 /// How time goes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Time {
-    start: HostInstant,
+    pub(super) start: HostInstant,
     /// Seconds a second; none: as fast as can be.
     speed: Option<f64>,
     /// Time passed over, ns.
@@ -24,18 +23,14 @@ impl Time {
         }
     }
 
-    /// When it began.
-    pub(super) fn start_utc(&self) -> Stamp {
-        self.start.utc
-    }
-
     /// Whether it goes as fast as can be.
     pub(super) fn is_free(&self) -> bool {
         self.speed.is_none()
     }
 
-    /// Now, ns after the start, by the host's evenly running clock.
+    /// Now, ns after the start.
     pub(super) fn now_ns(&self) -> i64 {
+        // True time runs evenly: no time server slews this clock.
         let elapsed_ns = HostInstant::now().raw_ns - self.start.raw_ns;
         match self.speed {
             Some(1.0) => elapsed_ns,
