@@ -65,6 +65,7 @@ impl CommonArgs {
             verbose: self.verbose,
             seed: None,
             configuration: None,
+            notes: Default::default(),
         })
     }
 }

@@ -334,18 +334,20 @@ impl Client {
         let sent = self.send(request)?;
         let due = Instant::now() + limit;
         enum Answer {
-            Reply(Dialect, Vec<u8>),
+            Reply(Dialect, u64, Vec<u8>),
             Refused(Refusal),
         }
         let found = self.collect(due, |telegram| {
             if request.is_answered_by(telegram) {
-                return Some(Answer::Reply(telegram.dialect, telegram.body.to_vec()));
+                let body = telegram.body.to_vec();
+                return Some(Answer::Reply(telegram.dialect, telegram.offset, body));
             }
             Refusal::of(telegram).map(Answer::Refused)
         })?;
         match found {
-            Some((Answer::Reply(dialect, body), first, received)) => Ok(Reply {
+            Some((Answer::Reply(dialect, offset, body), first, received)) => Ok(Reply {
                 dialect,
+                offset,
                 body,
                 sent,
                 first,
