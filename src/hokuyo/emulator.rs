@@ -645,7 +645,7 @@ mod tests {
         assert_eq!(lines(ask(&mut device, "VV;hello\n", 0)), 5);
         assert_eq!(lines(ask(&mut device, "PP\n", 0)), 8);
         assert_eq!(lines(ask(&mut device, "II\n", 0)), 7);
-        assert_eq!(device.tally().refused, 18);
+        assert_eq!(device.tally().refused, 19);
     }
 
     #[test]

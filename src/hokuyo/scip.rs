@@ -234,11 +234,11 @@ fn last_reply(body: &[u8]) -> Option<usize> {
     let mut found = None;
     let (mut begin, mut before) = (0, None::<(usize, &[u8])>);
     for line in body.split(|byte| *byte == b'\n') {
-        if let Some((echo_begin, echo)) = before
+        if let Some((line_begin, echo)) = before
             && is_status(line)
-            && is_echo(echo)
+            && let Some(at) = echo_in(echo)
         {
-            found = Some(echo_begin);
+            found = Some(line_begin + at);
         }
         before = Some((begin, line));
         begin += line.len() + 1;
@@ -252,10 +252,30 @@ fn is_status(line: &[u8]) -> bool {
         if a.is_ascii_alphanumeric() && b.is_ascii_alphanumeric() && *sum == check_character(&[*a, *b]))
 }
 
-/// Whether a line can be what a host sent: a command of two capital letters and its arguments.
-fn is_echo(line: &[u8]) -> bool {
-    matches!(line, [a, b, rest @ ..]
-        if a.is_ascii_uppercase() && b.is_ascii_uppercase() && rest.len() < 48)
+/// Where in a line what a host sent begins: a command of two capital letters and its arguments. The
+/// end of a reply that was cut short may stand before a measurement's.
+fn echo_in(line: &[u8]) -> Option<usize> {
+    let measures = (0..line.len()).rev().find(|at| {
+        let command = line.get(*at..).unwrap_or_default();
+        measurement_digits(command).is_some()
+    });
+    let other = matches!(line, [a, b, rest @ ..]
+        if a.is_ascii_uppercase() && b.is_ascii_uppercase() && rest.len() < 48);
+    measures.or(other.then_some(0))
+}
+
+/// The numbers of a measurement's command, of which there are 10 (GD, GS, GE) or 13 (MD, MS, ME).
+fn measurement_digits(command: &[u8]) -> Option<&[u8]> {
+    let numbers = command.split(|byte| *byte == b';').next()?;
+    let [kind, b'D' | b'S' | b'E', digits @ ..] = numbers else {
+        return None;
+    };
+    let count = match kind {
+        b'G' => 10,
+        b'M' => 13,
+        _ => return None,
+    };
+    (digits.len() == count && digits.iter().all(u8::is_ascii_digit)).then_some(digits)
 }
 
 /// What a status means.
@@ -457,23 +477,21 @@ pub struct Measurement {
 impl Measurement {
     /// Whether a reply carries a scan.
     pub fn is_one(reply: &Reply) -> bool {
-        let kind = matches!(reply.echo(), [b'G' | b'M', b'D' | b'S' | b'E', ..]);
-        kind && (reply.status() == *b"99" || reply.lines().next().is_some_and(|l| l.len() == 5))
+        let measures = measurement_digits(reply.echo()).is_some();
+        measures && (reply.status() == *b"99" || reply.lines().next().is_some_and(|l| l.len() == 5))
     }
 
     /// Reads a reply for which [`Measurement::is_one`] holds.
     pub fn parse(&mut self, reply: &Reply) -> Result<(), ReplyError> {
         let echo = reply.echo();
         let wrong = || ReplyError::Echo(echo.escape_ascii().to_string());
+        let digits = measurement_digits(echo).ok_or_else(wrong)?;
         let number = |from: usize, to: usize| {
-            let digits = echo
-                .get(from..to)
-                .filter(|d| d.iter().all(u8::is_ascii_digit));
-            let text = digits.and_then(|digits| std::str::from_utf8(digits).ok());
-            text.and_then(|text| text.parse::<u32>().ok())
-                .ok_or_else(wrong)
+            let text = digits.get(from..to).map(std::str::from_utf8);
+            let number = text.and_then(Result::ok).and_then(|text| text.parse().ok());
+            number.ok_or_else(wrong)
         };
-        self.steps = [number(2, 6)?, number(6, 10)?, number(10, 12)?.max(1)];
+        self.steps = [number(0, 4)?, number(4, 8)?, number(8, 10)?.max(1)];
         let [first, last, cluster] = self.steps;
         if last < first {
             return Err(wrong());
@@ -643,7 +661,7 @@ mod tests {
     }
 
     fn scan(distances: &[u32], stamp_ms: u32) -> Vec<u8> {
-        let echo = format!("ME{:04}{:04}01000", 0, distances.len() - 1) + "00";
+        let echo = format!("ME{:04}{:04}01000", 0, distances.len() - 1);
         let (mut out, mut data, mut stamp) = (Vec::new(), Vec::new(), Vec::new());
         encode(stamp_ms, 4, &mut stamp);
         for (index, distance) in distances.iter().enumerate() {

@@ -4,6 +4,7 @@
 mod args;
 mod serve;
 mod serve_args;
+mod serve_hokuyo;
 mod source;
 
 pub use args::Args;

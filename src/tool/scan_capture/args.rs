@@ -113,10 +113,23 @@ pub struct Args {
     pub common: CommonArgs,
 }
 
+/// What kind of scanner is captured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum DeviceKind {
+    /// LMS5xx, LMS1xx, TiM: CoLa A and B.
+    #[default]
+    Sick,
+    /// UTM-30LX: SCIP 2.0.
+    Hokuyo,
+}
+
 /// How a device is captured.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Live")]
 pub struct LiveArgs {
+    /// What kind of scanner it is: SICK's CoLa, or Hokuyo's SCIP 2.0 (UTM-30LX, port 10940)
+    #[arg(long = "device", value_name = "KIND", default_value = "sick")]
+    pub kind: DeviceKind,
     /// Speed of the serial port [default: 57600, as delivered]
     #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
     pub baud: Option<u32>,
@@ -135,6 +148,7 @@ impl LiveArgs {
     /// The first option that is given.
     fn given(&self) -> Option<&'static str> {
         let options = [
+            (self.kind != DeviceKind::Sick, "--device hokuyo"),
             (self.baud.is_some(), "--baud"),
             (self.poll.is_some(), "--poll"),
             (self.span.is_some(), "--for"),
@@ -160,6 +174,9 @@ impl Args {
                     "--times is the table of one recording, and there are several".into(),
                 );
             }
+        }
+        if self.live.kind == DeviceKind::Hokuyo && self.live.poll.is_some() {
+            return usage("--poll is for a SICK scanner; a Hokuyo sends every scan".into());
         }
         if let (Some(Endpoint::Tcp { host, .. }), Some(_)) = (&self.device, self.live.baud) {
             return usage(format!("--baud is for a serial port, and {host} is a host"));

@@ -2,7 +2,7 @@
 
 use super::serve_args::{Address, ServeArgs};
 use super::source::{Simulation, View};
-use super::{Args, Sides, args};
+use super::{Args, Sides, args, serve_hokuyo};
 use crate::frame::ScannerModel;
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
@@ -31,6 +31,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage(text.into()).into());
     }
     let serve = &args.serve;
+    if serve.replay.is_none() {
+        let (frame, text) = args.read_frame()?;
+        let setup = args::setup(args, frame, &options)?;
+        if setup.model.name == serve_hokuyo::MODEL {
+            options.configuration = Some(text);
+            return serve_hokuyo::run(args, setup, &options);
+        }
+    }
     let (view, model, mode) = view(args, &mut options)?;
     let behaviour = behaviour(serve, model, mode);
     let stop = Stop::install()?;
@@ -74,7 +82,7 @@ fn view(
     let (start, model, mode) = (setup.start, setup.model, setup.mode);
     if !model.name.starts_with("lms5") {
         let text = format!(
-            "--serve emulates an LMS5xx, and the scanner is {}",
+            "--serve emulates an LMS5xx or a UTM-30LX, and the scanner is {}",
             model.name
         );
         return Err(Fault::Usage(text).into());
@@ -170,7 +178,7 @@ fn open(
     Ok(())
 }
 
-fn fault(error: LinkError) -> Fault {
+pub(super) fn fault(error: LinkError) -> Fault {
     match error {
         LinkError::Open { .. } => Fault::Unavailable(error.to_string()),
         _ => Fault::Io(error.to_string()),
