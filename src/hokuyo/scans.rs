@@ -172,7 +172,9 @@ impl Scans {
     /// Unwraps a stamp that came at the host's monotonic time `raw_ns`; notices a restart.
     fn unwrap(&mut self, stamp_ms: u32, raw_ns: Option<i64>) -> i64 {
         let elapsed_ms = match (self.reference, raw_ns) {
-            (Some((_, Some(then_ns))), Some(now_ns)) => Some((now_ns - then_ns) / 1_000_000),
+            (Some((_, Some(then_ns))), Some(now_ns)) => {
+                Some(now_ns.saturating_sub(then_ns) / 1_000_000)
+            }
             _ => None,
         };
         let mut ms = self.counter.push(stamp_ms, elapsed_ms);

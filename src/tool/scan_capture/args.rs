@@ -35,6 +35,11 @@ values up to 15 are nan. seq follows the scan counter, so that a gap is a scan t
 lacking; a telegram that repeats a scan is dropped. time_increment_s and scan_time_s come from the \
 period of the last 32 scans by the device's clock.
 
+A Hokuyo (--device hokuyo) is asked for distances with intensities of its whole aperture (ME, or MD \
+where it does not know that), after its time (TM1) has been compared with the host's. Its stamps are \
+whole milliseconds; seq follows them, as the device counts no scans. Whatever ends the capture, its \
+laser is switched off (QT).
+
 Faults. In a recording a wrong XOR, a senseless length, bytes that belong to no telegram and a scan \
 that does not decode end the tool with status 65 after everything before them has been written; \
 with --skip-bad, and live, they are counted and skipped (status 3). A recording that starts or ends \
@@ -57,7 +62,10 @@ DEVICES
   An hour of a scanner on the network, with its bytes kept in files of 100 MB:
   scan-capture 192.168.0.1 --for 1h --tee run.cola --tee-rotate 100MB -o run.mcap --format mcap
   One on a serial line:
-  scan-capture /dev/ttyUSB0 --baud 500000 -n 1000 > scans.csv";
+  scan-capture /dev/ttyUSB0 --baud 500000 -n 1000 > scans.csv
+  A Hokuyo UTM-30LX on USB, and one with Ethernet:
+  scan-capture --device hokuyo /dev/ttyACM0 > scans.csv
+  scan-capture --device hokuyo 192.168.0.10 --for 1min -o run.mcap --format mcap";
 
 /// Records scans from a laser scanner, or from a recorded byte stream of one
 #[derive(Clone, Debug, clap::Parser)]

@@ -33,6 +33,7 @@ SERVING
   on SIGINT and SIGTERM. -v accounts for every scan.
   Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
   stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on.
+  With --model utm-30lx it is a Hokuyo UTM-30LX (SCIP 2.0), at port 10940 unless told otherwise.
 
 EXAMPLES
   Exact scans of a 0.2 m grid, and where the platform truly was:
