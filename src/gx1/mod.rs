@@ -8,7 +8,8 @@
 //! - [`framer`] replies from a byte stream, whatever was lost; [`pace`] what the ticks tell of it
 //! - [`timing`] when a sample was taken; [`attitude`] the three forms of an attitude; [`samples`]
 //!   records from replies
-//! - [`session`] the talk with a unit: speed, start, stop, questions, cells
+//! - [`session`] the talk with a unit: speed, start, stop, questions, cells; [`unit_file`] what a
+//!   recording needs beside it
 //!
 //! The device speaks big-endian 16 bit words. A reply begins with the command's byte and ends with
 //! the sum of everything before; there is no other mark, so that a reply is only known as one
@@ -29,6 +30,7 @@ pub mod scale;
 pub mod session;
 pub mod ticks;
 pub mod timing;
+pub mod unit_file;
 
 pub use command::{Argument, Command, Word};
 pub use framer::{Arrived, Framer};

@@ -130,6 +130,11 @@ impl Samples {
         }
     }
 
+    /// Takes every reply from here on, without waiting for the unit's word that the stream began.
+    pub fn begin(&mut self) {
+        self.begun = true;
+    }
+
     /// How the unit was set up.
     pub fn setup(&self) -> &Setup {
         &self.setup

@@ -233,6 +233,16 @@ impl Session {
         self.framer.counts()
     }
 
+    /// Bytes that wait for the rest of their reply.
+    pub fn pending(&self) -> u64 {
+        self.framer.pending() as u64
+    }
+
+    /// From now on nobody sees the bytes.
+    pub fn end_tap(&mut self) {
+        self.tap = None;
+    }
+
     /// What the unit streams.
     pub fn streaming(&self) -> Option<Command> {
         self.streaming

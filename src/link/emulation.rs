@@ -57,22 +57,39 @@ pub struct Outbox {
 enum Order {
     Send {
         line: LineId,
-        data: bool,
+        what: Message,
         end: usize,
     },
     Close(LineId),
     Restart(Duration),
 }
 
+/// What is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// An answer.
+    Reply,
+    /// Data that was asked for.
+    Polled,
+    /// Data that comes by itself.
+    Data,
+}
+
 impl Outbox {
     /// Sends an answer: never damaged, never lost to a full buffer.
     pub fn reply(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, false);
+        self.send(line, bytes, Message::Reply);
     }
 
-    /// Sends data (a scan, a sample): these are what the faults damage and what slow clients lose.
+    /// Sends data (a scan, a sample) that comes by itself: the faults damage it, slow clients lose it.
     pub fn data(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, true);
+        self.send(line, bytes, Message::Data);
+    }
+
+    /// Sends data that a client asked for: the faults damage it, but it is never lost to a full
+    /// buffer.
+    pub fn polled(&mut self, line: LineId, bytes: &[u8]) {
+        self.send(line, bytes, Message::Polled);
     }
 
     /// Closes a line once what was said before has gone.
@@ -85,14 +102,14 @@ impl Outbox {
         self.orders.push(Order::Restart(boot));
     }
 
-    /// What has been sent to whom, and whether it is data; for tests of a device.
-    pub fn take(&mut self) -> Vec<(LineId, bool, Vec<u8>)> {
+    /// What has been sent to whom, for whoever runs a device without lines.
+    pub fn take(&mut self) -> Vec<(LineId, Message, Vec<u8>)> {
         let mut sent = Vec::new();
         let mut start = 0;
         for order in self.orders.drain(..) {
-            if let Order::Send { line, data, end } = order {
+            if let Order::Send { line, what, end } = order {
                 let bytes = self.bytes.get(start..end).unwrap_or_default();
-                sent.push((line, data, bytes.to_vec()));
+                sent.push((line, what, bytes.to_vec()));
                 start = end;
             }
         }
@@ -100,10 +117,10 @@ impl Outbox {
         sent
     }
 
-    fn send(&mut self, line: LineId, bytes: &[u8], data: bool) {
+    fn send(&mut self, line: LineId, bytes: &[u8], what: Message) {
         self.bytes.extend_from_slice(bytes);
         let end = self.bytes.len();
-        self.orders.push(Order::Send { line, data, end });
+        self.orders.push(Order::Send { line, what, end });
     }
 }
 
@@ -129,13 +146,13 @@ impl Time {
 
     /// The host's time until an instant.
     fn until(&self, t_ns: i64) -> Duration {
-        let left_ns = (t_ns - self.now_ns()).max(0) as f64;
+        let left_ns = t_ns.saturating_sub(self.now_ns()).max(0) as f64;
         Duration::from_secs_f64(left_ns * 1e-9 / self.speed.unwrap_or(1.0))
     }
 
     fn pass_over_to(&mut self, t_ns: i64) {
         if self.speed.is_none() {
-            self.skipped_ns += (t_ns - self.now_ns()).max(0);
+            self.skipped_ns += t_ns.saturating_sub(self.now_ns()).max(0);
         }
     }
 }
@@ -200,15 +217,16 @@ impl Line {
         }
     }
 
-    fn enqueue(&mut self, bytes: &[u8], data: bool) {
+    fn enqueue(&mut self, bytes: &[u8], what: Message) {
         if self.closing {
             return;
         }
-        if !data {
+        if what == Message::Reply {
             self.queue.extend_from_slice(bytes);
             return;
         }
-        if self.waiting() > 0 && self.waiting() + bytes.len() > self.room() {
+        let may_lose = what == Message::Data && self.waiting() > 0;
+        if may_lose && self.waiting() + bytes.len() > self.room() {
             self.crowded_out += 1;
             return;
         }
@@ -399,7 +417,7 @@ impl Emulation {
         mut stop: impl FnMut() -> bool,
     ) -> Result<Account, LinkError> {
         let mut out = Outbox::default();
-        let mut buffer = vec![0; 16 << 10];
+        let mut buffer = vec![0; 4 << 10];
         while !stop() && !device.ended() {
             self.suffer(device);
             let ready = self.wait(device)?;
@@ -565,13 +583,13 @@ impl Emulation {
         let mut restart = None;
         for order in out.orders.drain(..) {
             match order {
-                Order::Send { line, data, end } => {
+                Order::Send { line, what, end } => {
                     let bytes = out.bytes.get(start..end).unwrap_or_default();
                     start = end;
                     let Some(line) = self.lines.iter_mut().find(|l| l.id == line) else {
                         continue;
                     };
-                    line.enqueue(bytes, data);
+                    line.enqueue(bytes, what);
                     if dark {
                         line.lose_queue();
                     }

@@ -125,6 +125,43 @@ impl Calendar {
         ))
     }
 
+    /// The date and time of an instant, cut to microseconds; none outside the years 1970 to 2261.
+    pub fn at(stamp: Stamp) -> Option<Calendar> {
+        let us = stamp.ns().div_euclid(1000);
+        let (seconds, microsecond) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
+        let (mut days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
+        let year_days = |year: i64| {
+            let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
+            if leap { 366 } else { 365 }
+        };
+        if days < 0 {
+            return None;
+        }
+        let mut year = 1970;
+        while days >= year_days(year) {
+            days -= year_days(year);
+            year += 1;
+        }
+        let february = year_days(year) - 337;
+        let mut month = 1;
+        for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+            if days < length {
+                break;
+            }
+            days -= length;
+            month += 1;
+        }
+        Some(Calendar {
+            year: u16::try_from(year).ok()?,
+            month,
+            day: u8::try_from(days + 1).ok()?,
+            hour: u8::try_from(second / 3600).ok()?,
+            minute: u8::try_from(second / 60 % 60).ok()?,
+            second: u8::try_from(second % 60).ok()?,
+            microsecond: u32::try_from(microsecond).ok()?,
+        })
+    }
+
     /// Whether somebody has set the clock: an unset one starts at 1970-01-01.
     pub fn is_set(&self) -> bool {
         self.year >= 2000

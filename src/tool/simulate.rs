@@ -2,6 +2,7 @@
 //! scanner itself.
 
 mod args;
+mod cola;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;
@@ -11,6 +12,7 @@ pub use args::Args;
 
 use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
+use crate::tool::common::Format;
 use clap::CommandFactory;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -23,6 +25,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     if args.serve.is_asked() {
         return serve::run(&args);
+    }
+    if args.common.format == Some(Format::Cola) {
+        return cola::run(&args);
     }
     let (frame, text) = args.read_frame()?;
     let mut options = args.common.options("simulate")?;

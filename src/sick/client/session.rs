@@ -171,6 +171,8 @@ pub struct Client {
     lent: Option<Held>,
     tap: Option<Tap>,
     interrupted: Option<Interrupted>,
+    /// For so long after a request the answer is looked for without sleeping.
+    spin: Duration,
     strays: u64,
     out: Vec<u8>,
 }
@@ -226,6 +228,7 @@ impl Client {
             lent: None,
             tap,
             interrupted,
+            spin: Duration::ZERO,
             strays: 0,
             out: Vec::new(),
         };
@@ -308,6 +311,12 @@ impl Client {
     /// The line itself.
     pub fn line(&mut self) -> &mut Connection {
         &mut self.line
+    }
+
+    /// For so long after each request the answer is looked for without sleeping: a CPU that sleeps
+    /// wakes up late, and by an amount that varies.
+    pub fn set_spin(&mut self, spin: Duration) {
+        self.spin = spin;
     }
 
     /// Replaces what ends a wait early.
@@ -532,6 +541,7 @@ impl Client {
         due: Instant,
         mut accept: impl FnMut(&Telegram) -> Option<T>,
     ) -> Result<Option<(T, HostInstant, HostInstant)>, ClientError> {
+        let started = Instant::now();
         loop {
             let at = self.at;
             while let Some(event) = self.framer.next() {
@@ -555,7 +565,13 @@ impl Client {
             if left.is_zero() {
                 return Ok(None);
             }
-            self.read(left.min(GLANCE))?;
+            let spin = started.elapsed() < self.spin;
+            let wait = if spin {
+                Duration::ZERO
+            } else {
+                left.min(GLANCE)
+            };
+            self.read(wait)?;
         }
     }
 }

@@ -386,7 +386,11 @@ impl<S: Source> Emulator<S> {
                 self.last.telegram_counter = client.telegrams;
                 self.spare.clear();
                 encode(&self.last, dialect, &mut self.spare);
-                out.data(*line, &self.spare);
+                if polled {
+                    out.polled(*line, &self.spare);
+                } else {
+                    out.data(*line, &self.spare);
+                }
                 self.tally.telegrams += 1;
             }
         }
@@ -405,7 +409,7 @@ impl<S: Source> Emulator<S> {
         last.scan_counter = self.scan_counter;
         last.scan_tick_us = self.clock.tick_us(index_ns);
         last.inputs = [0, 0];
-        last.outputs = [0x3F, 0];
+        last.outputs = [0, 0];
         last.layer = 0;
         last.scan_frequency = active.frequency_raw();
         let shots_hz = active.mode.frequency_hz * 360.0 / active.mode.step_deg();
@@ -469,7 +473,7 @@ impl<S: Source> Emulator<S> {
         self.last.telegram_counter = client.telegrams;
         self.spare.clear();
         encode(&self.last, dialect, &mut self.spare);
-        out.data(line, &self.spare);
+        out.polled(line, &self.spare);
         self.tally.telegrams += 1;
         true
     }
@@ -603,6 +607,9 @@ impl<S: Source> Device for Emulator<S> {
         self.ended
     }
 }
+
+#[cfg(test)]
+mod tests;
 
 fn nanoseconds(duration: Duration) -> i64 {
     i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)

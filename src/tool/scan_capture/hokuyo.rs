@@ -2,15 +2,15 @@
 
 use super::NAME;
 use super::args::Args;
-use super::ending::Ending;
 use super::live::{Heard, LineFault, Scanner};
-use super::tee::Tee;
 use crate::hokuyo::client::{self, Client, ClientError, Incoming, Tap};
 use crate::hokuyo::scans::{self, Scans};
 use crate::hokuyo::scip::{self, Measurement, Parameters};
 use crate::link::Endpoint;
 use crate::record::Scan;
 use crate::stream::{Fault, Options};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;

@@ -6,11 +6,11 @@
 
 use super::NAME;
 use super::args::Args;
-use super::ending::Ending;
-use super::tee::Tee;
 use crate::link::{Backoff, Endpoint};
 use crate::record::Scan;
 use crate::stream::{Fault, Options, Outcome, Output, Place, WindowState};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;

@@ -5,16 +5,13 @@
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
 //! - [`hokuyo`] the one that speaks to a Hokuyo
-//! - [`tee`] the raw bytes kept on the side
 //! - [`replay`] recordings
 
 mod args;
-mod ending;
 mod hokuyo;
 mod live;
 mod replay;
 mod sick;
-mod tee;
 
 pub use args::Args;
 
@@ -42,8 +39,12 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let stop = Stop::install()?;
     let capture = live::Settings::of(&args)?;
-    let ending = ending::Ending::new(stop, &options);
-    let tee = tee::Tee::new(args.tee.as_deref(), args.tee_rotate.unwrap_or_default());
+    let ending = crate::tool::ending::Ending::new(stop, &options);
+    let tee = crate::tool::tee::Tee::new(
+        NAME,
+        args.tee.as_deref(),
+        args.tee_rotate.unwrap_or_default(),
+    );
     match args.live.kind {
         args::DeviceKind::Sick => {
             let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;

@@ -2,9 +2,7 @@
 
 use super::NAME;
 use super::args::Args;
-use super::ending::Ending;
 use super::live::{Heard, LineFault, Scanner};
-use super::tee::Tee;
 use crate::link::{Endpoint, LinkError};
 use crate::record::Scan;
 use crate::sick::client::commands::{
@@ -15,6 +13,8 @@ use crate::sick::cola::Telegram;
 use crate::sick::replay::{self, Replay};
 use crate::sick::scandata::{self, FieldError, LmdScandata};
 use crate::stream::{Fault, Options};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;

@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// What the scanner sees, and its first mode.
-fn view(
+pub(super) fn view(
     args: &Args,
     options: &mut Options,
 ) -> anyhow::Result<(View, &'static ScannerModel, crate::frame::ScanMode)> {
@@ -111,7 +111,7 @@ fn recording(path: &Path, repeat: u64) -> anyhow::Result<(Recording, &'static Sc
     Ok((recording, model))
 }
 
-fn behaviour(
+pub(super) fn behaviour(
     serve: &ServeArgs,
     model: &'static ScannerModel,
     mode: crate::frame::ScanMode,

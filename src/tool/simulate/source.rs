@@ -106,6 +106,16 @@ pub enum View {
 }
 
 impl View {
+    /// The true time of the source's start, where it has one.
+    pub fn epoch(&self) -> Option<Stamp> {
+        match self {
+            View::Simulation(simulation) => {
+                Some(simulation.start + -simulation.index_to_first_beam_ns)
+            }
+            View::Recording(_) => None,
+        }
+    }
+
     /// Ends the files beside it.
     pub fn finish(self) -> anyhow::Result<()> {
         match self {

@@ -1,6 +1,5 @@
 //! The raw bytes of a live capture, kept on the side.
 
-use super::NAME;
 use crate::link::{HostInstant, Recorder, RecordingError, Rotation};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -15,6 +14,8 @@ const MOST_EARLY: usize = 1 << 20;
 /// The newest chunk is held back until the next one comes, so that a capture that ends in the middle
 /// of it can cut the recording there: a replay then gives the records of the capture, no more.
 pub(super) struct Tee {
+    /// The tool, for messages.
+    tool: &'static str,
     path: Option<PathBuf>,
     rotation: Rotation,
     recorder: Option<Recorder>,
@@ -28,8 +29,13 @@ pub(super) struct Tee {
 }
 
 impl Tee {
-    pub(super) fn new(path: Option<&Path>, rotation: Rotation) -> Rc<RefCell<Tee>> {
+    pub(super) fn new(
+        tool: &'static str,
+        path: Option<&Path>,
+        rotation: Rotation,
+    ) -> Rc<RefCell<Tee>> {
         Rc::new(RefCell::new(Tee {
+            tool,
             path: path.map(Path::to_owned),
             rotation,
             recorder: None,
@@ -130,7 +136,8 @@ impl Tee {
         if let Some(error) = &self.error
             && self.recorder.take().is_some()
         {
-            eprintln!("{NAME}: {error}: the recording ends here, the records go on");
+            let tool = self.tool;
+            eprintln!("{tool}: {error}: the recording ends here, the records go on");
             self.held.clear();
         }
     }
@@ -147,7 +154,7 @@ mod tests {
         std::fs::create_dir_all(&dir).unwrap();
         let path = dir.join("run.cola");
         std::fs::write(&path, "old").unwrap();
-        let tee = Tee::new(Some(&path), Rotation::default());
+        let tee = Tee::new("test", Some(&path), Rotation::default());
         let mut tee = tee.borrow_mut();
         let at = HostInstant::now();
         tee.new_session();
