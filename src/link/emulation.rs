@@ -7,7 +7,7 @@
 //! whole messages with data, and one that does not read its replies is not read from.
 
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
-use super::{Connection, LinkError, Pty};
+use super::{Connection, HostInstant, LinkError, Pty};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::collections::VecDeque;
 use std::fmt;
@@ -127,7 +127,7 @@ impl Outbox {
 /// How time goes.
 #[derive(Clone, Copy, Debug)]
 struct Time {
-    start: Instant,
+    start: HostInstant,
     /// Seconds a second; none: as fast as can be.
     speed: Option<f64>,
     /// Time passed over, ns.
@@ -136,11 +136,12 @@ struct Time {
 
 impl Time {
     fn now_ns(&self) -> i64 {
-        let elapsed = self.start.elapsed();
+        // True time runs evenly: no time server slews this clock.
+        let elapsed_ns = HostInstant::now().raw_ns - self.start.raw_ns;
         match self.speed {
-            Some(1.0) => nanoseconds(elapsed),
-            Some(speed) => (elapsed.as_secs_f64() * speed * 1e9) as i64,
-            None => nanoseconds(elapsed) + self.skipped_ns,
+            Some(1.0) => elapsed_ns,
+            Some(speed) => (elapsed_ns as f64 * speed) as i64,
+            None => elapsed_ns + self.skipped_ns,
         }
     }
 
@@ -333,11 +334,16 @@ pub struct Emulation {
 }
 
 impl Emulation {
+    /// When true time began.
+    pub fn start(&self) -> HostInstant {
+        self.time.start
+    }
+
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
             time: Time {
-                start: Instant::now(),
+                start: HostInstant::now(),
                 speed: conditions.speed,
                 skipped_ns: 0,
             },

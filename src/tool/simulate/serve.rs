@@ -49,6 +49,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         seed: args.seed,
     });
     open(serve, &mut emulation, &mut device).map_err(fault)?;
+    if options.verbose > 0 {
+        // Together with --clock-ppm the whole truth of the scanner's clock.
+        eprintln!(
+            "simulate: the counter was at {} s at {} ns of the monotonic raw clock",
+            serve.uptime_s,
+            emulation.start().raw_ns
+        );
+    }
     let account = emulation
         .run(&mut device, || stop.requested())
         .map_err(fault)?;
