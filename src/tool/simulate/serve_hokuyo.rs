@@ -28,7 +28,7 @@ pub(super) fn run(args: &Args, setup: Setup, options: &Options) -> anyhow::Resul
         return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
     }
     let sides = Sides::open(args, options)?;
-    let source = Simulation::new(simulator, start, index_to_first_beam_s, sides);
+    let source = Simulation::new(simulator, start, index_to_first_beam_s, sides, None);
     let behaviour = Behaviour {
         parameters: Parameters::utm_30lx(),
         serial: "H0000001".into(),
