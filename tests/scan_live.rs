@@ -671,6 +671,7 @@ fn what_does_not_go_together_is_refused() {
         &["--replay", "x", "y", "--times", "z"],
         &["--replay", "x", "--configure", "--save"],
         &["host", "-n", "0"],
+        &["host", "--device", "hokuyo", "--configure", "--save"],
         &["list", "--baud", "9600"],
     ] {
         let ended = Capture::start(&dir, Stdio::null(), args).end();

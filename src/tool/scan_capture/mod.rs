@@ -4,11 +4,13 @@
 //! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
+//! - [`hokuyo`] the one that speaks to a Hokuyo
 //! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
 //! - [`replay`] recordings
 
 mod args;
 mod configure;
+mod hokuyo;
 mod info;
 mod live;
 mod replay;
@@ -54,8 +56,21 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let ending = Ending::new(stop, &options);
     let rotation = args.tee_rotate.unwrap_or_default();
     let tee = Tee::new(NAME, args.tee.as_deref(), rotation);
-    let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
-    live::run(scanner, &capture, options, &ending, &tee)
+    match args.live.kind {
+        args::DeviceKind::Sick => {
+            let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+        args::DeviceKind::Hokuyo => {
+            let settings = crate::hokuyo::scans::Settings {
+                index_to_first_beam_s: settings.index_to_first_beam_s,
+                range_min_m: settings.range_min_m,
+                every: 1,
+            };
+            let scanner = hokuyo::Hokuyo::new(&args, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+    }
 }
 
 /// Takes over what the frame file says of the scanner; gives its text.
