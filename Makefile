@@ -87,6 +87,11 @@ experiments: build
 accuracy: build
 	@$(MAKE) --no-print-directory -C experiments accuracy BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
+## delay-table: what carrying poses over 62 ms leaves of the error, beside the goals (an error where one is missed)
+.PHONY: delay-table
+delay-table:
+	$(CARGO) bench --locked --bench compensate
+
 ## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
 .PHONY: install
 install: build
@@ -109,6 +114,6 @@ clean:
 ## help: this list
 .PHONY: help
 help:
-	@sed -n 's/^## \([a-z]*\): */\1\t/p' Makefile | while IFS=$$'\t' read -r target what; do
+	@sed -n 's/^## \([a-z-]*\): */\1\t/p' Makefile | while IFS=$$'\t' read -r target what; do
 		printf '  make %-12s %s\n' "$$target" "$$what"
 	done
