@@ -1,6 +1,7 @@
 //! What the programs say about themselves is true: every example in every `--help` runs, `-h` is
 //! short, `--version` names the program, a wrong command line ends with status 2.
 
+mod peer;
 mod shell;
 
 use shell::{NOT_BUILT, TOOLS, scratch, sh, testdata};
@@ -38,6 +39,10 @@ fn examples(help: &str) -> Vec<String> {
 fn a_small_run(name: &str) -> PathBuf {
     let dir = scratch(name);
     std::fs::copy(testdata("lms511.cola"), dir.join("run.cola")).unwrap();
+    if name == "help-imu-read" {
+        peer::record(&dir.join("run.gx1"), 200);
+        std::fs::copy(dir.join("run.gx1"), dir.join("bare.gx1")).unwrap();
+    }
     for stage in [
         "simulate -f frame.toml --n-scans 20 --truth truth.csv --imu imu.csv > scans.csv",
         "simulate -f frame.toml --n-scans 20 --format mcap -o run.mcap",
@@ -95,6 +100,17 @@ fn the_examples_of_report_run() {
 #[test]
 fn the_examples_of_scan_capture_run() {
     run_examples("scan-capture");
+}
+
+#[test]
+fn the_examples_of_imu_read_run() {
+    run_examples("imu-read");
+    let dir = a_small_run("help-imu-read");
+    let help = sh(&dir, "imu-read replay --help").expect(0);
+    for command in examples(help.text()) {
+        let ended = sh(&dir, &command);
+        assert_eq!(ended.status, 0, "{command}\n{}", ended.stderr);
+    }
 }
 
 #[test]

@@ -43,8 +43,31 @@ impl Page {
         }
     }
 
+    /// The page of a subcommand: `timesync fit` is in `timesync-fit.1`.
+    fn of_subcommand<A: CommandFactory>(name: &str, statuses: &'static [u8]) -> Page {
+        let whole = A::command();
+        let tool = whole.get_name().to_owned();
+        let part = whole.find_subcommand(name).unwrap().clone();
+        let command = part
+            .bin_name(format!("{tool} {name}"))
+            .version(env!("CARGO_PKG_VERSION"))
+            .name(&*format!("{tool}-{name}").leak());
+        Page {
+            command,
+            statuses,
+            see_also: &[],
+        }
+    }
+
     fn name(&self) -> &str {
         self.command.get_name()
+    }
+
+    /// Whether it is a tool of its own.
+    fn is_tool(&self) -> bool {
+        self.command
+            .get_bin_name()
+            .is_none_or(|name| !name.contains(' '))
     }
 
     fn render(&self) -> String {
@@ -142,8 +165,23 @@ const FILTER: &[u8] = &[0, 2, 3, 65, 66, 74, 78];
 fn pages() -> Vec<Page> {
     vec![
         Page::of::<tool::scan_capture::Args>(FILTER, &["extract-lines", "timesync"]),
-        Page::of::<tool::imu_read::Args>(&[2, 69], &["solve-pose", "timesync"]),
-        Page::of::<tool::timesync::Args>(&[2, 69], &["scan-capture", "compensate-delay"]),
+        Page::of::<tool::imu_read::Args>(
+            &[0, 2, 3, 65, 66, 69, 74, 78],
+            &["solve-pose", "timesync"],
+        ),
+        Page::of_subcommand::<tool::imu_read::Args>("replay", &[0, 2, 3, 65, 66, 74, 78]),
+        Page::of_subcommand::<tool::imu_read::Args>("list", &[0, 2, 69, 74]),
+        Page::of::<tool::timesync::Args>(
+            &[0, 2, 3, 65, 66, 69, 74, 78],
+            &["scan-capture", "compensate-delay"],
+        ),
+        Page::of_subcommand::<tool::timesync::Args>("set", &[0, 2, 66, 69, 74, 78]),
+        Page::of_subcommand::<tool::timesync::Args>("poll", &[0, 2, 3, 69, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("fit", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("watch", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("track", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("delay", &[0, 2, 3, 65, 66, 74]),
+        Page::of_subcommand::<tool::timesync::Args>("ntp", &[0, 2, 66, 69, 74, 78]),
         Page::of::<tool::simulate::Args>(
             &[0, 2, 65, 66, 74, 78],
             &["extract-lines", "solve-pose", "report"],
@@ -193,7 +231,8 @@ fn every_tool_has_a_page_and_every_page_a_tool() {
                 .into_owned()
         })
         .collect();
-    let mut pages: Vec<String> = pages().iter().map(|page| page.name().to_owned()).collect();
+    let pages = pages().into_iter().filter(Page::is_tool);
+    let mut pages: Vec<String> = pages.map(|page| page.name().to_owned()).collect();
     tools.sort();
     pages.sort();
     assert_eq!(tools, pages);
@@ -215,7 +254,7 @@ fn wrapped_lines_are_one_paragraph() {
 #[test]
 fn the_overview_names_every_tool() {
     let overview = fs::read_to_string(man_dir().join("cablepose.7")).unwrap();
-    for page in pages() {
+    for page in pages().iter().filter(|page| page.is_tool()) {
         let name = page.name().replace('-', "\\-");
         assert!(overview.contains(&name), "cablepose.7 does not name {name}");
     }

@@ -452,3 +452,36 @@ fn a_reader_that_leaves_is_no_fault() {
     assert!(ended.stderr.is_empty(), "{}", ended.stderr);
     assert_eq!(ended.text(), "{\n");
 }
+
+#[test]
+fn an_imu_at_rest_needs_no_poses() {
+    let dir = scratch("report-imu");
+    sh(
+        &dir,
+        "simulate -q -f frame.toml --trajectory random --n-scans 700 --effects imu --imu-rate-hz 100 \
+         --imu-axes ned --imu still.csv > scans.csv",
+    )
+    .expect(0);
+    let table = sh(&dir, "report --imu still.csv --html still.html --ascii").expect(0);
+    assert!(table.text().contains("gyro_z") && table.text().contains("deg/sqrt(h)"));
+    assert!(table.text().is_ascii(), "{}", table.text());
+    let page = fs::read_to_string(dir.join("still.html")).unwrap();
+    assert_eq!(page.matches("<svg").count(), 2);
+    let json = sh(&dir, "report --imu still.csv --json").expect(0);
+    let json: serde_json::Value = serde_json::from_str(json.text()).unwrap();
+    let walk = &json["imu"]["channels"]["gyro_x"]["random_walk"];
+    // 3.5 deg/sqrt(h) was put in.
+    assert!((walk.as_f64().unwrap() / 3.5 - 1.0).abs() < 0.15, "{walk}");
+    // A gate is about poses.
+    sh(&dir, "report --imu still.csv --fail-if 'x.rms_mm>1'").expect(2);
+    // Beside poses it is one more section.
+    write_runs(&dir, 200, &[("a", 1.0)]);
+    let both = sh(
+        &dir,
+        "report --imu still.csv --truth truth.csv a.csv --ascii",
+    )
+    .expect(0);
+    assert!(
+        both.text().contains("against truth") && both.text().contains("IMU at rest, still.csv")
+    );
+}

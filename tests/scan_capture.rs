@@ -314,15 +314,20 @@ fn a_stream_without_scans_says_so() {
 }
 
 #[test]
-fn a_device_is_for_later() {
-    let ended = Command::new(env!("CARGO_BIN_EXE_scan-capture"))
-        .arg("192.0.2.1")
-        .output()
-        .unwrap();
-    assert_eq!(ended.status.code(), Some(69));
-    assert!(
-        String::from_utf8(ended.stderr)
-            .unwrap()
-            .contains("not built yet")
-    );
+fn a_device_that_is_not_there_is_said_with_what_to_try() {
+    for (device, hint) in [
+        ("127.0.0.1:1", "--wait 60s"),
+        ("no-such-host.invalid", "no-such-host.invalid:2112"),
+        ("/dev/no-such-port", "scan-capture list"),
+    ] {
+        let ended = Command::new(env!("CARGO_BIN_EXE_scan-capture"))
+            .arg(device)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(69), "{stderr}");
+        assert!(stderr.contains(device) && stderr.contains(hint), "{stderr}");
+        assert!(!stderr.contains("os error"), "{stderr}");
+        assert!(ended.stdout.is_empty());
+    }
 }

@@ -125,47 +125,48 @@ impl Hulls {
         }
     }
 
-    /// The offset by one of the methods that need no more than hulls; none for the others.
-    pub fn offset(&self, method: Method) -> Option<Offset> {
+    /// The lines under requests and answers, for the methods that need no more than hulls; none for
+    /// the others. The one-way method has no line under the requests.
+    pub fn lines(&self, method: Method) -> Option<(Option<Line>, Line)> {
         let x_s = self.mean_s;
         match method {
-            Method::Hull => {
-                let (ask, reply) = (self.ask.line_at(x_s)?, self.reply.line_at(x_s)?);
-                Some(Offset {
-                    line: Line {
-                        x_s,
-                        at_ns: (ask.at(x_s) - reply.at(x_s)) / 2.0,
-                        slope: (ask.slope - reply.slope) / 2.0,
-                    },
-                    gap_ns: Some(ask.at(x_s) + reply.at(x_s)),
-                })
-            }
+            Method::Hull => Some((Some(self.ask.line_at(x_s)?), self.reply.line_at(x_s)?)),
+            Method::OneWay => Some((None, self.reply.line_at(x_s)?)),
             Method::Joint => {
                 let slope = self.common_slope();
-                let ask_ns = self.ask.support_ns(slope, x_s);
-                let reply_ns = self.reply.support_ns(-slope, x_s);
-                Some(Offset {
-                    line: Line {
-                        x_s,
-                        at_ns: (ask_ns - reply_ns) / 2.0,
-                        slope,
-                    },
-                    gap_ns: Some(ask_ns + reply_ns),
-                })
-            }
-            Method::OneWay => {
-                let reply = self.reply.line_at(x_s)?;
-                Some(Offset {
-                    line: Line {
-                        x_s,
-                        at_ns: -reply.at(x_s),
-                        slope: -reply.slope,
-                    },
-                    gap_ns: None,
-                })
+                let line = |hull: &LowerHull, slope: f64| Line {
+                    x_s,
+                    at_ns: hull.support_ns(slope, x_s),
+                    slope,
+                };
+                Some((Some(line(&self.ask, slope)), line(&self.reply, -slope)))
             }
             _ => None,
         }
+    }
+
+    /// The offset by one of these methods.
+    pub fn offset(&self, method: Method) -> Option<Offset> {
+        let x_s = self.mean_s;
+        let (ask, reply) = self.lines(method)?;
+        let Some(ask) = ask else {
+            return Some(Offset {
+                line: Line {
+                    x_s,
+                    at_ns: -reply.at(x_s),
+                    slope: -reply.slope,
+                },
+                gap_ns: None,
+            });
+        };
+        Some(Offset {
+            line: Line {
+                x_s,
+                at_ns: (ask.at(x_s) - reply.at(x_s)) / 2.0,
+                slope: (ask.slope - reply.slope) / 2.0,
+            },
+            gap_ns: Some(ask.at(x_s) + reply.at(x_s)),
+        })
     }
 
     /// The slope for which both lines together are highest at the mean abscissa. Their sum is

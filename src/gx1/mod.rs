@@ -5,6 +5,11 @@
 //! - [`scale`] from words to radians, m/s^2, rad/s and gauss, with the unit's own [`Gains`]
 //! - [`eeprom`] the cells, their defaults, and which of them must not be written
 //! - [`ticks`] the length of a tick and of a calculation cycle
+//! - [`framer`] replies from a byte stream, whatever was lost; [`pace`] what the ticks tell of it
+//! - [`timing`] when a sample was taken; [`attitude`] the three forms of an attitude; [`samples`]
+//!   records from replies
+//! - [`session`] the talk with a unit: speed, start, stop, questions, cells; [`unit_file`] what a
+//!   recording needs beside it
 //!
 //! The device speaks big-endian 16 bit words. A reply begins with the command's byte and ends with
 //! the sum of everything before; there is no other mark, so that a reply is only known as one
@@ -14,15 +19,25 @@
 //! its manual, the maker's sample code for the GX1 (2010), and eight public drivers that were run
 //! with a GX1. Where only one of them says so, or none, the text says "unconfirmed".
 
+pub mod attitude;
 pub mod command;
 pub mod eeprom;
+pub mod framer;
+pub mod pace;
 pub mod packet;
+pub mod samples;
 pub mod scale;
+pub mod session;
 pub mod ticks;
+pub mod timing;
+pub mod unit_file;
 
 pub use command::{Argument, Command, Word};
+pub use framer::{Arrived, Framer};
 pub use packet::{Packet, PacketError};
+pub use samples::{Mode, Samples, Setup};
 pub use scale::Gains;
+pub use session::{Session, SessionError};
 pub use ticks::TickFactors;
 
 /// The speeds of the line that the unit can be set to, most likely first, Bd.

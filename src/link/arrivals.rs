@@ -114,6 +114,20 @@ impl Arrivals {
         })
     }
 
+    /// The piece that holds the byte at `offset`: when it had arrived, and the place behind its last
+    /// byte.
+    pub fn piece(&self, offset: u64) -> Option<(HostInstant, u64)> {
+        let at = self.at(offset)?;
+        let after = self.rows.partition_point(|row| row.offset <= offset);
+        let next = self.rows.get(after).map_or(u64::MAX, |row| row.offset);
+        let row = self.rows.get(after.checked_sub(1)?)?;
+        let end = match row.length {
+            u32::MAX => next,
+            length => row.offset.saturating_add(length.into()),
+        };
+        Some((at, end))
+    }
+
     /// Where the next connection after the byte at `offset` begins.
     pub fn next_session(&self, offset: u64) -> Option<u64> {
         let after = self.sessions.partition_point(|(begin, _)| *begin <= offset);

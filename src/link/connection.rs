@@ -6,7 +6,7 @@ use rustix::io::Errno;
 use serialport::SerialPort;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 /// Why a line is of no use (any more).
@@ -173,6 +173,55 @@ impl Connection {
         }
     }
 
+    /// Breaks a socket off: the other side reads an error, and what was not yet sent is lost.
+    pub fn reset(self) {
+        if let Transport::Tcp(stream) = &self.transport {
+            // Without it the end is an ordinary one.
+            let _ = socket2::SockRef::from(stream).set_linger(Some(Duration::ZERO));
+        }
+    }
+
+    /// Ends a socket in order: what was sent still arrives, and so does the end. What the other
+    /// side has sent and nobody read is thrown away, as it would turn the end into a reset.
+    pub(super) fn end(self) {
+        if let Transport::Tcp(stream) = &self.transport {
+            // One that is down already needs no shutting.
+            let _ = stream.shutdown(Shutdown::Write);
+            let mut unread = [0; 4096];
+            while matches!((&*stream).read(&mut unread), Ok(1..)) {}
+        }
+    }
+
+    /// What to wait on; none for a serial port.
+    pub(super) fn waitable(&self) -> Option<BorrowedFd<'_>> {
+        match &self.transport {
+            Transport::Tcp(stream) => Some(stream.as_fd()),
+            Transport::Pty(pty) => Some(pty.as_fd()),
+            Transport::Serial(_) => None,
+        }
+    }
+
+    /// Writes as much of `bytes` as is taken at once; how much it was.
+    ///
+    /// # Errors
+    /// [`LinkError::Closed`] once the other side has gone.
+    pub fn write_some(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
+        let written = match &mut self.transport {
+            Transport::Serial(port) => port.write(bytes),
+            Transport::Tcp(stream) => (&*stream).write(bytes),
+            Transport::Pty(pty) => rustix::io::write(&*pty, bytes).map_err(io::Error::from),
+        };
+        match written {
+            Ok(count) => Ok(count),
+            Err(error) => match error.kind() {
+                io::ErrorKind::WouldBlock
+                | io::ErrorKind::TimedOut
+                | io::ErrorKind::Interrupted => Ok(0),
+                _ => Err(self.fault(error)),
+            },
+        }
+    }
+
     /// Reads what there is into `buffer`, waiting for it at most `timeout`; none where nothing came.
     ///
     /// # Errors
@@ -319,7 +368,7 @@ fn ready(line: impl AsFd, what: PollFlags, timeout: Duration) -> io::Result<bool
 }
 
 /// What went wrong, without the system's number for it.
-fn plain(error: &io::Error) -> String {
+pub(super) fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     text.split(" (os error")
         .next()

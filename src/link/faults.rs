@@ -2,7 +2,7 @@
 //!
 //! [`Faults`] is what is asked for, read from one text. [`Damage`] is one line's damage to its
 //! messages: pure, seeded, and it counts exactly what it destroys. The faults at set times are for
-//! the service that owns the lines.
+//! the service that owns the lines ([`emulation`](super::emulation)).
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -238,8 +238,8 @@ impl Damage {
     }
 
     /// Appends what goes over the line in place of `message`. At most one of dropped, flipped and
-    /// cut happens to a message, and none of them to one that is sent twice.
-    pub fn message(&mut self, message: &[u8], out: &mut Vec<u8>) {
+    /// cut happens to a message, and none of them to one that is sent twice. Whether it goes whole.
+    pub fn message(&mut self, message: &[u8], out: &mut Vec<u8>) -> bool {
         self.losses.messages += 1;
         if self.happens(self.faults.garbage) {
             let count = 1 + self.below(MOST_GARBAGE);
@@ -251,6 +251,7 @@ impl Damage {
         }
         if self.happens(self.faults.drop) {
             self.losses.dropped += 1;
+            false
         } else if self.happens(self.faults.flip) && !message.is_empty() {
             let bit = self.below(message.len() as u64 * 8);
             let start = out.len();
@@ -259,17 +260,25 @@ impl Damage {
                 *byte ^= 1 << (bit % 8);
             }
             self.losses.flipped += 1;
+            false
         } else if self.happens(self.faults.cut) && message.len() > 1 {
             let kept = 1 + self.below(message.len() as u64 - 1);
             out.extend_from_slice(message.get(..kept as usize).unwrap_or_default());
             self.losses.cut += 1;
+            false
         } else {
             out.extend_from_slice(message);
             if self.happens(self.faults.repeat) {
                 out.extend_from_slice(message);
                 self.losses.repeated += 1;
             }
+            true
         }
+    }
+
+    /// Counts messages that were taken over but never went out whole as left out.
+    pub fn lose(&mut self, messages: u64) {
+        self.losses.dropped += messages;
     }
 
     /// How many of `waiting` bytes are to be written in the next piece.

@@ -10,14 +10,18 @@
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
 //! - [`Backoff`] how long to wait before the next attempt
 //! - [`Pacing`] when a simulated device is due to speak
+//! - [`emulation`] the lines of an emulated device: sockets and ptys, their clients, their faults
 //! - [`Recorder`] raw bytes kept with their times of arrival; [`Arrivals`] those times read back
 //! - [`ports()`] the host's serial ports; [`baud`] what a line can carry and a clock can make
+//! - [`latency_timer()`] for how long a USB adapter holds bytes back
 //! - [`faults`] what shall go wrong on an emulated device's lines
 
+mod adapter;
 mod arrivals;
 mod backoff;
 pub mod baud;
 mod connection;
+pub mod emulation;
 mod endpoint;
 pub mod faults;
 mod host_clock;
@@ -26,6 +30,7 @@ mod ports;
 mod pty;
 mod recording;
 
+pub use adapter::{LatencyTimer, latency_timer};
 pub use arrivals::{Arrivals, ArrivalsError, parse_seconds_ns};
 pub use backoff::Backoff;
 pub use connection::{Connection, LinkError, Received};

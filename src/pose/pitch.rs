@@ -5,9 +5,8 @@
 //! IMU as exact). It comes from the IMU's samples around the reference instant, in the platform's
 //! axes whatever axes the samples have, or as a number.
 
-use crate::frame::Frame;
+use crate::frame::{Frame, ImuAxes};
 use crate::record::{Axes, ImuSample, Stamp, Status};
-use nalgebra::Rotation3;
 use std::collections::VecDeque;
 
 /// Pitch of the platform with its standard deviation.
@@ -21,29 +20,18 @@ pub struct Pitch {
     pub stale: bool,
 }
 
-/// Roll, pitch, yaw of the platform in B from a sample in any axes, rad.
-///
-/// The IMU's mounting is taken out: at zero `imu.rotation_deg` its x is along P's x and its z along
-/// P's -z. ENU here means the device's axes turned upright, with its x still along P's x.
+/// Roll, pitch, yaw of the platform in B from a sample in any axes, rad, by [`ImuAxes`]. A missing
+/// yaw counts as 0: some commands of the IMU give none, and pitch does not depend on it.
 pub fn platform_attitude(sample: &ImuSample, frame: &Frame) -> [f64; 3] {
-    // Some sample types have no yaw; pitch does not depend on it.
-    let yaw = if sample.yaw_rad.is_finite() {
-        sample.yaw_rad
-    } else {
-        0.0
-    };
-    let measured = Rotation3::from_euler_angles(sample.roll_rad, sample.pitch_rad, yaw);
-    let [roll, pitch, yaw] = frame.imu.rotation_deg.map(f64::to_radians);
-    let mounting = Rotation3::from_euler_angles(roll, pitch, yaw);
-    let half_turn = Rotation3::from_euler_angles(std::f64::consts::PI, 0.0, 0.0);
-    let platform = match sample.axes {
-        Axes::Platform => return [sample.roll_rad, sample.pitch_rad, sample.yaw_rad],
-        // World and device both have z down: seen from above both are turned over x.
-        Axes::Ned => half_turn * measured * half_turn.inverse() * mounting.inverse(),
-        Axes::Enu => measured * mounting.inverse(),
-    };
-    let (roll, pitch, yaw) = platform.euler_angles();
-    [roll, pitch, yaw]
+    if sample.axes == Axes::Platform {
+        return [sample.roll_rad, sample.pitch_rad, sample.yaw_rad];
+    }
+    let mut measured = *sample;
+    if !measured.yaw_rad.is_finite() {
+        measured.yaw_rad = 0.0;
+    }
+    let platform = ImuAxes::new(&frame.imu).turned(&measured, Axes::Platform);
+    [platform.roll_rad, platform.pitch_rad, platform.yaw_rad]
 }
 
 /// How samples become an attitude.

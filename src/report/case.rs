@@ -4,6 +4,7 @@ use super::association::{Matching, Reference};
 use super::axis::{AXES, POSITION};
 use super::consistency::{Consistency, GROUPS, nees};
 use super::gate::Verdict;
+use super::inertial::Inertial;
 use super::measured::{counts_by_name, lacking, measured};
 use super::number;
 use super::scans::Scans;
@@ -129,6 +130,8 @@ pub struct Report {
     pub reference: Reference,
     /// Runs and zones, side by side.
     pub cases: Vec<Case>,
+    /// A record of the IMU at rest, if there is one.
+    pub inertial: Option<Inertial>,
     /// The gates' verdicts.
     pub verdicts: Vec<Verdict>,
     /// The report's own command line, file names without folders.
@@ -156,6 +159,10 @@ impl Report {
                 "{}: rows at the stamp of another: {count} left out",
                 case.name()
             ));
+        }
+        if let Some(inertial) = self.inertial.as_ref().filter(|i| i.channels.is_empty()) {
+            let why = inertial.notes.first().cloned().unwrap_or_default();
+            losses.push(format!("{}: {why}", inertial.source));
         }
         for case in self.cases.iter().filter(|c| c.is_empty()) {
             let why = case.notes.last().cloned().unwrap_or_default();

@@ -267,6 +267,87 @@ fn bars(
     Ok(())
 }
 
+/// One line of a figure with two logarithmic scales.
+pub(super) struct LogSeries {
+    /// What it is called where the pointer rests on it.
+    pub name: String,
+    /// Its points, both coordinates above zero.
+    pub points: Vec<(f64, f64)>,
+    /// Its colour.
+    pub colour: RGBColor,
+}
+
+/// Colours of x, y and z, told apart by those who see fewer colours too, and of a limit.
+pub(super) const TRIPLE: [RGBColor; 3] = [ink::SERIES, ink::OTHER, RGBColor(0, 158, 115)];
+/// The colour of a line to compare with.
+pub(super) const LIMIT: RGBColor = ink::MARK;
+
+/// Lines over two logarithmic scales, with a grid at the powers of ten.
+pub(super) fn log_log(series: &[LogSeries], size: (u32, u32), label_text: &str) -> String {
+    figure(size, label_text, |sheet, hover| {
+        let ends = |pick: fn(&(f64, f64)) -> f64| {
+            let values = series.iter().flat_map(|s| s.points.iter().map(pick));
+            let logs = values.filter(|v| *v > 0.0).map(f64::log10);
+            let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+                (l.min(v), h.max(v))
+            });
+            if low < high { [low, high] } else { [0.0, 1.0] }
+        };
+        let (x, y) = (ends(|p| p.0), ends(|p| p.1));
+        let room = 0.06 * (y[1] - y[0]);
+        let y = [y[0] - room, y[1] + room];
+        let plot = plot(sheet, [56, 8, 6, 22], x, y);
+        let decades = |[low, high]: [f64; 2]| (low.ceil() as i32)..=(high.floor() as i32);
+        for power in decades(y) {
+            let at = f64::from(power);
+            plot.draw(&PathElement::new(
+                vec![(x[0], at), (x[1], at)],
+                line(ink::GRID),
+            ))?;
+            let (left, height) = plot.map_coordinate(&(x[0], at));
+            label(
+                sheet,
+                power_of_ten(power),
+                (left - 6 * UNIT, height),
+                HPos::Right,
+                VPos::Center,
+            )?;
+        }
+        for power in decades(x) {
+            let at = f64::from(power);
+            plot.draw(&PathElement::new(
+                vec![(at, y[0]), (at, y[1])],
+                line(ink::GRID),
+            ))?;
+            let (place, bottom) = plot.map_coordinate(&(at, y[0]));
+            label(
+                sheet,
+                power_of_ten(power),
+                (place, bottom + 7 * UNIT),
+                HPos::Center,
+                VPos::Top,
+            )?;
+        }
+        for LogSeries {
+            name,
+            points,
+            colour,
+        } in series
+        {
+            let shown = points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0);
+            let logs: Vec<(f64, f64)> = shown.map(|(x, y)| (x.log10(), y.log10())).collect();
+            hover.set(name.clone());
+            plot.draw(&PathElement::new(logs, line(*colour)))?;
+        }
+        Ok(())
+    })
+}
+
+/// 0.001, 1, 100.
+fn power_of_ten(power: i32) -> String {
+    fixed(10f64.powi(power), usize::try_from(-power).unwrap_or(0))
+}
+
 /// An error's course in a few pixels, for a row of a table.
 pub(super) fn sparkline(values: &[f64]) -> String {
     figure((100, 20), "over the run", |sheet, _| {

@@ -8,6 +8,8 @@ use super::association::Association;
 use super::axis::{AXES, Axis};
 use super::case::{AxisResult, Case, Report};
 use super::consistency::{Consistency, GROUPS};
+use super::inertial::allan::Point;
+use super::inertial::{Inertial, Measured};
 use super::scans::{Scans, Spread};
 use super::workspace::{CELL_AXES, Cells};
 use serde::ser::{Serialize, SerializeMap, Serializer};
@@ -16,6 +18,8 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 #[derive(Clone, Debug, PartialEq)]
 enum Tree {
     Number(f64),
+    /// A number with all its digits.
+    Exact(f64),
     Count(usize),
     Flag(bool),
     Text(String),
@@ -28,7 +32,8 @@ impl Serialize for Tree {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Tree::Number(v) if v.is_finite() => serializer.serialize_f64(rounded(*v)),
-            Tree::Number(_) | Tree::Null => serializer.serialize_none(),
+            Tree::Exact(v) if v.is_finite() => serializer.serialize_f64(*v),
+            Tree::Number(_) | Tree::Exact(_) | Tree::Null => serializer.serialize_none(),
             Tree::Count(n) => serializer.serialize_u64(*n as u64),
             Tree::Flag(flag) => serializer.serialize_bool(*flag),
             Tree::Text(text) => serializer.serialize_str(text),
@@ -91,15 +96,81 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
         ])
     });
     let runs = report.cases.iter().map(|c| case_tree(c, true)).collect();
-    let tree = object([
+    let mut fields = vec![
         ("version", Tree::Text(env!("CARGO_PKG_VERSION").to_owned())),
         ("reference", reference),
         ("runs", Tree::List(runs)),
         ("gates", Tree::List(gates.collect())),
-    ]);
+    ];
+    if let Some(inertial) = &report.inertial {
+        fields.push(("imu", inertial_tree(inertial)));
+    }
+    let fields = fields
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), value));
+    let tree = Tree::Object(fields.collect());
     let mut text = serde_json::to_string_pretty(&tree)?;
     text.push('\n');
     Ok(text)
+}
+
+/// A record of an IMU at rest. Allan deviations are in the channel's unit, and not rounded to six
+/// decimals of it: they may be smaller.
+fn inertial_tree(inertial: &Inertial) -> Tree {
+    let channel = |measured: &Measured| {
+        let kind = measured.channel.kind;
+        let mut fields = vec![
+            ("unit".to_owned(), Tree::Text(kind.unit().to_owned())),
+            ("mean".to_owned(), Tree::Number(measured.mean)),
+            ("std".to_owned(), Tree::Number(measured.std)),
+        ];
+        if let Some(sheet) = kind.sheet().filter(|_| !measured.curve.is_empty()) {
+            let list = |value: fn(&Point) -> f64| {
+                Tree::List(
+                    measured
+                        .curve
+                        .iter()
+                        .map(|p| Tree::Exact(value(p)))
+                        .collect(),
+                )
+            };
+            let more = [
+                ("random_walk", Tree::Number(measured.walk)),
+                ("random_walk_unit", Tree::Text(kind.walk_unit().to_owned())),
+                ("random_walk_sheet", Tree::Number(sheet.walk)),
+                ("bias_sheet", Tree::Number(sheet.bias)),
+                ("instability", Tree::Number(measured.instability)),
+                (
+                    "instability_unit",
+                    Tree::Text(kind.instability_unit().to_owned()),
+                ),
+                ("instability_sheet", Tree::Number(sheet.instability)),
+                (
+                    "instability_tau_s",
+                    Tree::Number(measured.instability_tau_s),
+                ),
+                ("has_floor", Tree::Flag(measured.has_floor)),
+                ("tau_s", list(|p| p.tau_s)),
+                ("allan_deviation", list(|p| p.deviation)),
+                ("relative_error", list(|p| p.error)),
+            ];
+            fields.extend(more.map(|(name, value)| (name.to_owned(), value)));
+        }
+        (measured.channel.name.to_owned(), Tree::Object(fields))
+    };
+    object([
+        ("source", Tree::Text(inertial.source.clone())),
+        ("axes", Tree::Text(inertial.axes.name().to_owned())),
+        ("samples", Tree::Count(inertial.samples)),
+        ("duration_s", Tree::Number(inertial.duration_s)),
+        ("period_s", Tree::Exact(inertial.period_s)),
+        ("gaps", Tree::Count(inertial.gaps)),
+        (
+            "channels",
+            Tree::Object(inertial.channels.iter().map(channel).collect()),
+        ),
+        ("notes", texts(&inertial.notes)),
+    ])
 }
 
 fn case_tree(case: &Case, with_cells: bool) -> Tree {

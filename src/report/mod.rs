@@ -7,6 +7,7 @@
 //! - [`evaluate`] joins [`Run`]s to it, run by run and zone by zone ([`Zone`]), into [`Case`]s: a
 //!   case holds only what the outputs show and has the same size whatever the run's length;
 //! - [`Gate`] compares a case's statistics with limits (`--fail-if`);
+//! - [`Recording`] sums a record of an IMU at rest up to an [`Inertial`]: its Allan deviations;
 //! - [`terminal`], [`json`] and [`page`] show a [`Report`].
 //!
 //! An error is measured minus reference. Inside, errors are in metres and radians; only the three
@@ -19,6 +20,7 @@ mod case;
 mod consistency;
 mod figure;
 mod gate;
+mod inertial;
 pub mod json;
 mod measured;
 mod number;
@@ -37,6 +39,7 @@ pub use axis::{AXES, Axis};
 pub use case::{AxisResult, Case, Report, Run, Settings, evaluate};
 pub use consistency::{Consistency, GROUPS, effective_number};
 pub use gate::{Gate, GateError, Verdict};
+pub use inertial::{Inertial, Recording};
 pub use scans::{Scans, Tally};
 pub use statistics::{Statistics, percentile, wrap_angle};
 pub use trace::{Histogram, Trace, TraceColumn};

@@ -6,6 +6,7 @@ use super::axis::{AXES, Axis, POSITION};
 use super::case::{AxisResult, Case, Report};
 use super::consistency::Consistency;
 use super::figure::{self, Heat};
+use super::inertial::outputs;
 use super::number::{NONE, change, count, fixed};
 use super::terminal::{ComparisonRow, comparison_rows, matching_line, run_line};
 use super::workspace::{CELL_AXES, Cell, Cells};
@@ -21,6 +22,7 @@ const STATUSES: usize = 12;
 /// The whole page.
 pub fn write(report: &Report) -> String {
     let one = report.cases.len() == 1;
+    let posed = !report.cases.is_empty();
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -35,31 +37,34 @@ pub fn write(report: &Report) -> String {
                     h1 { (report.title) }
                     (provenance_line(report))
                     @if let [case] = report.cases.as_slice() { (cards(case)) }
-                    @if !one { h2 { "Side by side" } (comparison(&report.cases)) }
+                    @if posed && !one { h2 { "Side by side" } (comparison(&report.cases)) }
                     @if !report.verdicts.is_empty() { (gates(report)) }
-                    h2 { "Errors" }
-                    @for case in &report.cases {
-                        @if !one { h3 { (case.name()) } }
-                        (error_table(case))
+                    @if posed {
+                        h2 { "Errors" }
+                        @for case in &report.cases {
+                            @if !one { h3 { (case.name()) } }
+                            (error_table(case))
+                        }
+                        (workspace(&report.cases))
+                        (over_time(&report.cases))
+                        (distributions(&report.cases))
+                        h2 { "Covariances" }
+                        p {
+                            "Mean of the squared error over its variance, per degree of freedom (1 is honest, \
+                             above is too confident), with the 95 % band for the effective number of \
+                             independent poses; share of errors within 1, 2 and 3 σ."
+                        }
+                        @for case in &report.cases {
+                            @if !one { h3 { (case.name()) } }
+                            (consistency_table(case))
+                        }
+                        h2 { "Scans" }
+                        @for case in &report.cases {
+                            @if !one { h3 { (case.name()) } }
+                            (scan_table(case))
+                        }
                     }
-                    (workspace(&report.cases))
-                    (over_time(&report.cases))
-                    (distributions(&report.cases))
-                    h2 { "Covariances" }
-                    p {
-                        "Mean of the squared error over its variance, per degree of freedom (1 is honest, \
-                         above is too confident), with the 95 % band for the effective number of \
-                         independent poses; share of errors within 1, 2 and 3 σ."
-                    }
-                    @for case in &report.cases {
-                        @if !one { h3 { (case.name()) } }
-                        (consistency_table(case))
-                    }
-                    h2 { "Scans" }
-                    @for case in &report.cases {
-                        @if !one { h3 { (case.name()) } }
-                        (scan_table(case))
-                    }
+                    @if let Some(inertial) = &report.inertial { (outputs::section(inertial)) }
                     (how(report))
                 }
             }
@@ -556,10 +561,10 @@ fn how(report: &Report) -> Markup {
             }
         }
         code { (report.command) }
-        p {
+        @if !report.cases.is_empty() { p {
             "An error is measured minus " (report.role) ", angles the short way round. std is about the bias, \
              with n − 1; MAD is the median of |e − median|, not scaled; p95, p99 and max are of |e|, percentiles \
              linear between order statistics (numpy’s default); position is the distance."
-        }
+        } }
     }
 }

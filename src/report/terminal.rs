@@ -4,6 +4,7 @@ use super::association::Association;
 use super::axis::{AXES, Axis};
 use super::case::{Case, Report};
 use super::consistency::Consistency;
+use super::inertial::outputs;
 use super::number::{self, change, count, fixed};
 use super::workspace::{CELL_AXES, Cells};
 use std::fmt::Write;
@@ -39,6 +40,13 @@ pub fn write(report: &Report, style: Style) -> String {
     }
     if report.cases.len() > 1 {
         text.comparison(&report.cases);
+    }
+    if let Some(inertial) = &report.inertial {
+        let mut lines = outputs::lines(inertial).into_iter();
+        if let Some(title) = lines.next() {
+            text.header(&title);
+        }
+        lines.for_each(|line| text.line(&line));
     }
     for verdict in &report.verdicts {
         let word = if verdict.failed { "FAILED" } else { "passed" };

@@ -6,7 +6,9 @@
 //! CoLa B escapes nothing, so that its start mark also occurs inside telegrams (TiM scans are full
 //! of `00 02 00 02`). A telegram is therefore taken only if its length is sane, it begins with one
 //! of the protocol's verbs and its XOR is right; after a fault the next place where all three hold
-//! is searched byte by byte. The dialect is told telegram by telegram: a device may change it.
+//! is searched byte by byte. One byte of XOR lets every 256th cut telegram pass, so that one into
+//! which another reaches is not taken either, nor waited for. The dialect is told telegram by
+//! telegram: a device may change it.
 
 /// Start of text; four of them open a telegram in CoLa B.
 pub const STX: u8 = 0x02;
@@ -21,7 +23,10 @@ pub const MAX_TEXT_BODY: usize = 1 << 18;
 
 /// The shortest body: `sFA` and its code.
 const MIN_BODY: usize = 5;
-/// Bytes around the body in CoLa B.
+/// From this length on a frame that seems to end in the first bytes of the next one waits for the
+/// rest of them. A reply is shorter, and it may be the last for a while.
+const LONG_FRAME: usize = 64;
+/// Bytes before the body in CoLa B.
 const BINARY_HEADER: usize = 8;
 
 /// A dialect of the protocol.
@@ -141,8 +146,8 @@ pub enum Event<'a> {
 
 /// What the bytes at the framer's position are, as far as they have arrived.
 enum Look {
-    /// Too few bytes to tell.
-    Wait,
+    /// Too few bytes to tell; the first so many need not be searched again.
+    Wait { searched: usize },
     /// A good telegram: where its body begins and ends, and its frame's length.
     Frame {
         dialect: Dialect,
@@ -158,6 +163,31 @@ enum Look {
     Not(Cause),
 }
 
+/// Too few bytes to tell, and none of them searched.
+const WAIT: Look = Look::Wait { searched: 0 };
+
+/// What a frame's bytes hold besides its own telegram.
+enum Inside {
+    Nothing,
+    /// Another telegram.
+    Another,
+    /// Perhaps one that begins at `at`: it has not all come.
+    Perhaps {
+        at: usize,
+    },
+}
+
+/// Whether a telegram of CoLa B begins at some place.
+enum Begins {
+    No,
+    /// Too few bytes to tell.
+    Perhaps,
+    /// Yes, and its frame is `end` bytes long.
+    Yes {
+        end: usize,
+    },
+}
+
 /// Cuts a byte stream, fed in chunks of any size, into telegrams.
 ///
 /// What comes out does not depend on the chunks. In steady state nothing is allocated.
@@ -168,7 +198,8 @@ pub struct Framer {
     start: usize,
     /// Offset of `buffer[0]` in the stream.
     base: u64,
-    /// How many bytes from `start` are known to hold no end of a CoLa A telegram.
+    /// How many bytes from `start` have been looked at, in CoLa A for the telegram's end, in CoLa B
+    /// for another's beginning.
     searched: usize,
     ended: bool,
     gap: Option<Skipped>,
@@ -222,14 +253,14 @@ impl Framer {
         loop {
             let offset = self.base + self.start as u64;
             match self.look() {
-                Look::Wait if !self.ended => {
-                    self.searched = self.buffer.len() - self.start;
+                Look::Wait { searched } if !self.ended => {
+                    self.searched = searched;
                     return None;
                 }
-                Look::Wait if self.start == self.buffer.len() => {
+                Look::Wait { .. } if self.start == self.buffer.len() => {
                     return self.gap.take().map(Event::Skipped);
                 }
-                Look::Wait => self.skip_byte(Cause::Tail),
+                Look::Wait { .. } => self.skip_byte(Cause::Tail),
                 Look::Line if self.gap.is_none() => self.consume(1),
                 Look::Line => self.skip_byte(Cause::Noise),
                 Look::Not(cause) => self.skip_byte(cause),
@@ -298,7 +329,7 @@ impl Framer {
 
     fn look(&self) -> Look {
         match self.buffer.get(self.start..).unwrap_or_default() {
-            [] | [STX] => Look::Wait,
+            [] | [STX] => WAIT,
             rest @ [STX, STX, ..] => self.look_binary(rest),
             rest @ [STX, b's', ..] => self.look_text(rest),
             [b'\r' | b'\n', ..] => Look::Line,
@@ -311,24 +342,29 @@ impl Framer {
             return Look::Not(Cause::Noise);
         }
         let Some((&[_, _, _, _, l3, l2, l1, l0], after)) = rest.split_first_chunk() else {
-            return Look::Wait;
+            return WAIT;
         };
         let length = u32::from_be_bytes([l3, l2, l1, l0]);
-        if !(MIN_BODY as u32..=MAX_BINARY_BODY as u32).contains(&length) {
+        if !is_sane_length(length) {
             return Look::Not(Cause::Length(length));
         }
         match begins_with_verb(after) {
-            None => return Look::Wait,
+            None => return WAIT,
             Some(false) => return Look::Not(Cause::Noise),
             Some(true) => {}
         }
+        let end = BINARY_HEADER + length as usize;
+        let searched = match self.look_inside(rest, end + 1) {
+            Inside::Another => return Look::Not(Cause::CutShort),
+            Inside::Perhaps { at } if !self.ended => return Look::Wait { searched: at },
+            Inside::Perhaps { .. } | Inside::Nothing => rest.len(),
+        };
         let Some((body, after)) = after.split_at_checked(length as usize) else {
-            return Look::Wait;
+            return Look::Wait { searched };
         };
         let Some((&sent, following)) = after.split_first() else {
-            return Look::Wait;
+            return Look::Wait { searched };
         };
-        let end = BINARY_HEADER + body.len();
         let frame = end + 1;
         let computed = xor(body);
         if sent == computed {
@@ -343,7 +379,7 @@ impl Framer {
         // otherwise the length itself is doubtful and every byte may begin the next telegram.
         let cause = Cause::Xor { sent, computed };
         if following.len() < 4 && !self.ended {
-            Look::Wait
+            Look::Wait { searched }
         } else if following.is_empty() || (following.len() >= 4 && begins_binary(following)) {
             Look::Bad { frame, cause }
         } else {
@@ -351,9 +387,40 @@ impl Framer {
         }
     }
 
+    /// Whether another telegram reaches into the first `frame` bytes of `rest`, as far as they have
+    /// come: one that begins there and ends beyond, or a whole one with the right XOR.
+    fn look_inside(&self, rest: &[u8], frame: usize) -> Inside {
+        let from = self.searched.saturating_sub(1).max(BINARY_HEADER);
+        let held = rest.get(from..frame.min(rest.len())).unwrap_or_default();
+        if !may_hold_two_stx(held) {
+            return Inside::Nothing;
+        }
+        // A short one is judged by its own bytes alone.
+        let known = match rest.get(..frame) {
+            Some(short) if frame < LONG_FRAME => short,
+            _ => rest,
+        };
+        let pairs = held.windows(2).enumerate();
+        for (at, _) in pairs.filter(|(_, pair)| **pair == [STX, STX]) {
+            let at = from + at;
+            match begins_telegram(known.get(at..).unwrap_or_default()) {
+                Begins::No => {}
+                Begins::Yes { end } if at + end > frame => return Inside::Another,
+                Begins::Yes { end } => match rest.get(at + BINARY_HEADER..at + end) {
+                    Some(whole) if xor(whole) == 0 => return Inside::Another,
+                    Some(_) => {}
+                    None => return Inside::Perhaps { at },
+                },
+                Begins::Perhaps if rest.len() >= frame && frame < LONG_FRAME => {}
+                Begins::Perhaps => return Inside::Perhaps { at },
+            }
+        }
+        Inside::Nothing
+    }
+
     fn look_text(&self, rest: &[u8]) -> Look {
         match begins_with_verb(rest.get(1..).unwrap_or_default()) {
-            None => return Look::Wait,
+            None => return WAIT,
             Some(false) => return Look::Not(Cause::Noise),
             Some(true) => {}
         }
@@ -370,7 +437,9 @@ impl Framer {
                 frame,
                 cause: Cause::CutShort,
             },
-            None if rest.len() <= MAX_TEXT_BODY => Look::Wait,
+            None if rest.len() <= MAX_TEXT_BODY => Look::Wait {
+                searched: rest.len(),
+            },
             _ => Look::Not(Cause::Length(rest.len() as u32)),
         }
     }
@@ -379,6 +448,42 @@ impl Framer {
 /// Whether `bytes` are the start mark of CoLa B, as far as they go.
 fn begins_binary(bytes: &[u8]) -> bool {
     bytes.iter().take(4).all(|byte| *byte == STX)
+}
+
+/// Whether a telegram of CoLa B begins here: mark, sane length, verb.
+fn begins_telegram(bytes: &[u8]) -> Begins {
+    if !begins_binary(bytes) {
+        return Begins::No;
+    }
+    let Some((&[_, _, _, _, l3, l2, l1, l0], body)) = bytes.split_first_chunk() else {
+        return Begins::Perhaps;
+    };
+    let length = u32::from_be_bytes([l3, l2, l1, l0]);
+    match begins_with_verb(body) {
+        _ if !is_sane_length(length) => Begins::No,
+        None => Begins::Perhaps,
+        Some(false) => Begins::No,
+        Some(true) => Begins::Yes {
+            end: BINARY_HEADER + length as usize + 1,
+        },
+    }
+}
+
+fn is_sane_length(length: u32) -> bool {
+    (MIN_BODY as u32..=MAX_BINARY_BODY as u32).contains(&length)
+}
+
+/// Whether there may be two STX side by side: certainly not where this says no, which it does for
+/// most telegrams, eight bytes at a time. Two of four STX in a row lie in one half of a word.
+fn may_hold_two_stx(bytes: &[u8]) -> bool {
+    const ONES: u64 = 0x0001_0001_0001_0001;
+    const TWO_STX: u64 = ONES * (((STX as u64) << 8) | STX as u64);
+    let (words, rest) = bytes.as_chunks::<8>();
+    let zero_half = words.iter().fold(0, |found, word| {
+        let halves = u64::from_ne_bytes(*word) ^ TWO_STX;
+        found | (halves.wrapping_sub(ONES) & !halves)
+    });
+    zero_half & (ONES << 15) != 0 || rest.contains(&STX)
 }
 
 /// Whether a body begins with a verb of the protocol; none while too few bytes are there.
@@ -556,6 +661,47 @@ mod tests {
     }
 
     #[test]
+    fn a_cut_telegram_whose_xor_fits_by_chance_costs_only_itself() {
+        let (mut first, last) = (vec![0u8; 200], vec![1u8; 200]);
+        first[..16].copy_from_slice(b"sSN LMDscandata ");
+        let last = [b"sSN LMDscandata ", &last[..]].concat();
+        // The byte that makes XOR fit what lies where the check byte should be.
+        let (head, next) = (binary(&first)[..100].to_vec(), binary(&last));
+        let mut stream = [&head[..], &next].concat();
+        let frame = first.len() + 9;
+        stream[50] = 0;
+        stream[50] = xor(&stream[8..frame]);
+        assert_eq!(xor(&stream[8..frame - 1]), stream[frame - 1]);
+        for chunk in [1, 7, 1000] {
+            let expected = [skipped(0, 100, Cause::CutShort), telegram(100, &last)];
+            assert_eq!(cut(&stream, chunk), expected);
+        }
+        // A wrong bit makes the length reach two bytes into the next telegram, which fit as well.
+        let mut long = binary(&first);
+        long[7] += 2;
+        let stream = [&long[..], &next, &next].concat();
+        for chunk in [1, 7, 1000] {
+            let found = cut(&stream, chunk);
+            assert_eq!(found[0], skipped(0, long.len(), Cause::CutShort));
+            assert_eq!(found.len(), 3);
+        }
+    }
+
+    #[test]
+    fn a_length_too_large_does_not_hold_the_next_telegrams_back() {
+        let body = [b"sSN LMDscandata ", &[7; 900][..]].concat();
+        let mut long = binary(&body);
+        long[5] = 1;
+        let mut framer = Framer::new();
+        framer.feed(&[&long[..], &binary(&body)].concat());
+        let event = framer.next();
+        assert!(
+            matches!(event, Some(Event::Skipped(skipped)) if skipped.bytes == long.len() as u64)
+        );
+        assert!(matches!(framer.next(), Some(Event::Telegram(_))));
+    }
+
+    #[test]
     fn a_recording_may_start_and_end_anywhere() {
         let body = b"sRA SCdevicestate \x01";
         let one = binary(body);
@@ -596,7 +742,7 @@ mod tests {
 
     /// Pieces of which streams are made: telegrams, their fragments, start marks, anything.
     fn piece() -> impl Strategy<Value = Vec<u8>> {
-        let body = prop::collection::vec(prop_oneof![Just(2u8), Just(0u8), any::<u8>()], 0..40)
+        let body = prop::collection::vec(prop_oneof![Just(2u8), Just(0u8), any::<u8>()], 0..90)
             .prop_map(|tail| binary(&[b"sSN X ", &tail[..]].concat()));
         prop_oneof![
             4 => body.clone(),

@@ -5,13 +5,13 @@ use super::cola::{self, Dialect};
 use super::scandata::{Channel, LmdScandata, Width};
 
 /// Writes the values of a telegram in their order.
-trait Sink {
+pub(super) trait Sink {
     fn number(&mut self, value: u32, bytes: usize);
     fn real(&mut self, value: f32);
     fn chars(&mut self, chars: &[u8]);
 }
 
-struct BinarySink<'a>(&'a mut Vec<u8>);
+pub(super) struct BinarySink<'a>(pub(super) &'a mut Vec<u8>);
 
 impl Sink for BinarySink<'_> {
     fn number(&mut self, value: u32, bytes: usize) {
@@ -25,7 +25,7 @@ impl Sink for BinarySink<'_> {
     }
 }
 
-struct TextSink<'a>(&'a mut Vec<u8>);
+pub(super) struct TextSink<'a>(pub(super) &'a mut Vec<u8>);
 
 impl TextSink<'_> {
     fn digits(&mut self, value: u32, least: u32) {

@@ -67,6 +67,9 @@ pub struct Counts {
     /// Scans that the device was to send and that did not come. For a poller, who takes what there
     /// is, none are missing.
     pub missing: u64,
+    /// Scans that should have come while the device or its count began anew, estimated from the
+    /// arrival times.
+    pub estimated: u64,
     /// Scans that came after a newer one.
     pub late: u64,
     /// Times that the scan counter began anew while the clock ran on.
@@ -156,6 +159,11 @@ impl Replay {
         self.counts
     }
 
+    /// The scan given last.
+    pub fn newest(&self) -> &Scan {
+        &self.scan
+    }
+
     /// Takes the next telegram, with the host's instant at which its last byte had arrived if that
     /// is known. Gives its scan, or none if it repeats one.
     pub fn push(
@@ -172,7 +180,9 @@ impl Replay {
             self.counts.repeated += 1;
             return Ok(None);
         }
-        let first_number = self.next_number();
+        let gap = self.gap_before(telegram, arrival);
+        let first_number = self.next_number() + gap;
+        let before = self.counts.restarts;
         let session = match self.session.take() {
             Some(session) if session.serial_number == telegram.serial_number => session,
             other => {
@@ -190,6 +200,9 @@ impl Replay {
         let Some((number, us)) = number else {
             return Ok(None);
         };
+        if self.counts.restarts > before {
+            self.counts.estimated += gap.unsigned_abs();
+        }
         session.remember(key);
         let timing = BeamTiming {
             period_s: session.period_s(telegram),
@@ -228,6 +241,18 @@ impl Replay {
         self.counts.scans += 1;
         self.counts.flagged += u64::from(telegram.device_status != [0, 0]);
         Ok(Some(&self.scan))
+    }
+
+    /// How many scans should have come since the newest one, by the arrival times; for where the
+    /// device's own count does not tell.
+    fn gap_before(&self, telegram: &LmdScandata, arrival: Option<HostInstant>) -> i64 {
+        let known = self.session.as_ref().and_then(|session| {
+            let elapsed_ns = arrival?
+                .raw_ns
+                .saturating_sub(session.newest.arrival_raw_ns?);
+            Some(session.scans_within(elapsed_ns / 1000, telegram))
+        });
+        known.unwrap_or(0)
     }
 
     /// The number of a scan that follows the newest one without a known gap.
@@ -361,9 +386,11 @@ impl Session {
                     return None;
                 }
                 Step::Anew => {
+                    let gap = elapsed_us.map_or(0, |us| self.scans_within(us, telegram));
                     counts.counter_restarts += 1;
+                    counts.estimated += gap.unsigned_abs();
                     self.history.clear();
-                    number += 1;
+                    number += 1 + gap;
                     turn += 1;
                 }
             }
@@ -396,6 +423,17 @@ impl Session {
         self.history.push_back((turn, us));
         if self.history.len() > PERIOD_SCANS + 1 {
             self.history.pop_front();
+        }
+    }
+
+    /// How many scans fit between two that came `elapsed_us` apart.
+    fn scans_within(&self, elapsed_us: i64, telegram: &LmdScandata) -> i64 {
+        let interval_s = self.period_s(telegram) * self.succession.stride() as f64;
+        let scans = (elapsed_us as f64 * 1e-6 / interval_s - 1.0).round();
+        if scans.is_finite() && !telegram.polled {
+            scans.clamp(0.0, f64::from(u32::MAX)) as i64
+        } else {
+            0
         }
     }
 

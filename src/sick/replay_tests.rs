@@ -259,3 +259,21 @@ fn every_nth_scan_is_no_loss_and_keeps_the_beams_time() {
     }
     assert_eq!(replay.counts().missing, 0);
 }
+
+#[test]
+fn a_restart_that_the_host_saw_leaves_a_gap_by_the_time() {
+    let mut replay = Replay::new(Settings::default());
+    let arrival_ns = |s: f64| Some((s * 1e9) as i64);
+    push(&mut replay, &telegram(1_000_000_000, 500), arrival_ns(10.0));
+    push(
+        &mut replay,
+        &telegram(1_000_000_000, 501),
+        arrival_ns(10.0401),
+    );
+    // The device came back after ten periods of 40.1 ms with a new count.
+    let scan = push(&mut replay, &telegram(3_000_000, 1), arrival_ns(10.4411)).unwrap();
+    assert_eq!(scan.seq, 11);
+    let counts = replay.counts();
+    assert_eq!((counts.restarts, counts.estimated), (1, 9));
+    assert_eq!(counts.missing, 0);
+}

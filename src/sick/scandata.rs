@@ -125,6 +125,43 @@ impl Calendar {
         ))
     }
 
+    /// The date and time of an instant, cut to microseconds; none outside the years 1970 to 2261.
+    pub fn at(stamp: Stamp) -> Option<Calendar> {
+        let us = stamp.ns().div_euclid(1000);
+        let (seconds, microsecond) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
+        let (mut days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
+        let year_days = |year: i64| {
+            let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
+            if leap { 366 } else { 365 }
+        };
+        if days < 0 {
+            return None;
+        }
+        let mut year = 1970;
+        while days >= year_days(year) {
+            days -= year_days(year);
+            year += 1;
+        }
+        let february = year_days(year) - 337;
+        let mut month = 1;
+        for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+            if days < length {
+                break;
+            }
+            days -= length;
+            month += 1;
+        }
+        Some(Calendar {
+            year: u16::try_from(year).ok()?,
+            month,
+            day: u8::try_from(days + 1).ok()?,
+            hour: u8::try_from(second / 3600).ok()?,
+            minute: u8::try_from(second / 60 % 60).ok()?,
+            second: u8::try_from(second % 60).ok()?,
+            microsecond: u32::try_from(microsecond).ok()?,
+        })
+    }
+
     /// Whether somebody has set the clock: an unset one starts at 1970-01-01.
     pub fn is_set(&self) -> bool {
         self.year >= 2000
@@ -215,8 +252,9 @@ impl LmdScandata {
 
     fn read<'a>(&mut self, mut fields: impl Fields<'a> + Copy) -> Result<(), FieldError> {
         self.read_head(&mut fields)?;
-        self.channels_from(0, Width::Bits16, &mut fields)?;
-        self.channels_from(self.channels.len(), Width::Bits8, &mut fields)?;
+        let wide = self.channels_from(0, Width::Bits16, &mut fields)?;
+        let all = self.channels_from(wide, Width::Bits8, &mut fields)?;
+        self.channels.truncate(all);
         // The documents leave two lengths open that no recording settles: whether the position
         // block ends in one byte more, and whether the comment's length is u8 or u16. Where the
         // usual reading does not come out even, the others are tried.
@@ -255,13 +293,14 @@ impl LmdScandata {
         Ok(())
     }
 
-    /// Reads the channels of one width into `channels[first..]`, which then is exactly these.
+    /// Reads the channels of one width into `channels[first..]`; gives where they end. Channels
+    /// beyond that are kept, for their buffers.
     fn channels_from<'a>(
         &mut self,
         first: usize,
         width: Width,
         fields: &mut impl Fields<'a>,
-    ) -> Result<(), FieldError> {
+    ) -> Result<usize, FieldError> {
         let announced = match width {
             Width::Bits16 => count(fields, MAX_CHANNELS, "number of 16 bit channels")?,
             Width::Bits8 => count(fields, MAX_CHANNELS, "number of 8 bit channels")?,
@@ -273,8 +312,7 @@ impl LmdScandata {
         for channel in self.channels.iter_mut().skip(first).take(announced.into()) {
             channel.read(width, fields)?;
         }
-        self.channels.truncate(end);
-        Ok(())
+        Ok(end)
     }
 
     /// Reads what follows the channels; gives the number of bytes left over.

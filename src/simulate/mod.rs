@@ -39,6 +39,7 @@ pub(crate) mod staged;
 
 pub use course::{Course, Grid, Scatter};
 pub use effects::{Effect, Effects};
+pub use inertial::Unit;
 pub use parameters::Parameters;
 pub use random::Seed;
 pub use run::{Setup, Simulator, Step};

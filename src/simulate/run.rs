@@ -119,8 +119,36 @@ impl Simulator {
         &self.scanner
     }
 
-    /// The next scan, or none after the last.
-    pub fn advance(&mut self) -> Option<&Step> {
+    /// Goes on in another mode from where the course is now.
+    pub fn set_mode(&mut self, mode: ScanMode) {
+        if mode == self.setup.mode {
+            return;
+        }
+        let number = self.number as f64;
+        let before_s = self.scanner.period_s();
+        let now_s = number * before_s + self.shift_s;
+        self.setup.mode = mode;
+        self.scanner = Scanner::new(&self.setup.frame, self.setup.model, mode);
+        self.step = blank_step(&self.scanner);
+        let period_s = self.scanner.period_s();
+        self.shift_s = now_s - number * period_s;
+        if self.setup.scans.is_none() && !self.setup.course.is_resting() {
+            let fitting = self.setup.course.scans(period_s, self.scanner.sweep_s());
+            let passed = (now_s / period_s - 1e-9).ceil() as u64;
+            self.total = self.number + fitting.saturating_sub(passed);
+        }
+    }
+
+    /// Passes over the next scan, which nobody sees; when it would have been complete, or none
+    /// after the last.
+    pub fn pass(&mut self) -> Option<Stamp> {
+        let turn = self.turn()?;
+        let fired = self.fired();
+        self.go_on(turn);
+        Some(fired.plus_s(self.scanner.sweep_s()))
+    }
+
+    fn turn(&mut self) -> Option<Turn> {
         if self.number >= self.total {
             return None;
         }
@@ -132,11 +160,27 @@ impl Simulator {
         if self.hunting.is_some() || self.setup.mode.interlace > 1 {
             self.scanner.turn(number, turn.offset_rad);
         }
-        let period_s = self.scanner.period_s();
-        let fired = self
-            .setup
+        Some(turn)
+    }
+
+    /// When the first beam of the next scan fires.
+    fn fired(&self) -> Stamp {
+        let number = self.number as f64;
+        self.setup
             .start
-            .plus_s(number as f64 * period_s + self.shift_s + self.scanner.lead_s());
+            .plus_s(number * self.scanner.period_s() + self.shift_s + self.scanner.lead_s())
+    }
+
+    fn go_on(&mut self, turn: Turn) {
+        self.shift_s += turn.period_deviation * self.scanner.period_s();
+        self.number += 1;
+    }
+
+    /// The next scan, or none after the last.
+    pub fn advance(&mut self) -> Option<&Step> {
+        let turn = self.turn()?;
+        let number = self.number;
+        let fired = self.fired();
         let t_s = fired.since_s(self.setup.start);
         let reference = fired.plus_s(self.scanner.reference_s());
         self.scan(number, fired, t_s, turn.offset_rad);
@@ -146,8 +190,7 @@ impl Simulator {
         self.step.desired = point(reference, &course.desired(number, reference_s));
         self.step.complete = fired.plus_s(self.scanner.sweep_s());
         self.sample_imu(number, reference);
-        self.shift_s += turn.period_deviation * period_s;
-        self.number += 1;
+        self.go_on(turn);
         Some(&self.step)
     }
 

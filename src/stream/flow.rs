@@ -98,6 +98,7 @@ pub(super) fn drain_on_interrupt() -> io::Result<()> {
 }
 
 /// SIGINT and SIGTERM for a source: the first asks it to end in good order, a second one ends it.
+#[derive(Clone)]
 pub struct Stop {
     signal: Arc<AtomicUsize>,
 }

@@ -26,6 +26,7 @@ mod mcap;
 mod output;
 mod progress;
 mod provenance;
+mod reader;
 mod ros2;
 #[cfg(test)]
 mod round_trip_tests;
@@ -43,10 +44,12 @@ pub use flow::Stop;
 pub use input::{Bytes, Input, read_all};
 pub use output::Output;
 pub use provenance::Provenance;
+pub use reader::reader_left;
 pub use side::SideInput;
 pub use window::{Place, WindowState};
 
 use crate::record::Stamp;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The two encodings of a stream.
@@ -99,6 +102,9 @@ pub struct Options {
     pub seed: Option<u64>,
     /// Configuration text (the frame file), for the provenance record.
     pub configuration: Option<String>,
+    /// What else is to be known of where the stream comes from, for the provenance record: the
+    /// device's identity and state.
+    pub notes: BTreeMap<String, String>,
 }
 
 /// How a tool that did not fail ended.

@@ -20,7 +20,12 @@ pub struct Provenance {
     pub seed: Option<u64>,
     /// The text of its configuration file.
     pub configuration: Option<String>,
+    /// What else is known, such as the device's identity and state.
+    pub notes: BTreeMap<String, String>,
 }
+
+/// Keys of notes in a metadata record begin with this.
+const NOTE: &str = "note.";
 
 impl Provenance {
     /// This process.
@@ -31,6 +36,7 @@ impl Provenance {
             command: command_line(std::env::args_os().map(|a| a.to_string_lossy().into_owned())),
             seed: options.seed,
             configuration: options.configuration.clone(),
+            notes: options.notes.clone(),
         }
     }
 
@@ -48,6 +54,9 @@ impl Provenance {
         if let Some(configuration) = &self.configuration {
             entries.insert("configuration".to_owned(), configuration.clone());
         }
+        for (key, text) in &self.notes {
+            entries.insert(format!("{NOTE}{key}"), text.clone());
+        }
         entries
     }
 
@@ -60,6 +69,10 @@ impl Provenance {
             command: text("command"),
             seed: entries.get("seed").and_then(|seed| seed.parse().ok()),
             configuration: entries.get("configuration").cloned(),
+            notes: entries
+                .iter()
+                .filter_map(|(key, text)| Some((key.strip_prefix(NOTE)?.to_owned(), text.clone())))
+                .collect(),
         }
     }
 }
@@ -93,6 +106,7 @@ mod tests {
             command: "simulate --seed 7".into(),
             seed: Some(7),
             configuration: Some("[box]\n".into()),
+            notes: BTreeMap::from([("serial number".into(), "7".into())]),
         };
         let entries = stage.to_entries(3);
         assert_eq!(entries["stage"], "3");

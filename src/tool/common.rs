@@ -7,6 +7,15 @@ use crate::stream::{Encoding, Fault, Instant, Options, Window};
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// What a tool writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Records.
+    Records(Encoding),
+    /// A scanner's own telegrams; only `simulate` writes them.
+    Cola,
+}
+
 /// Where a tool's records go, and how its streams are read and written.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Streams")]
@@ -14,9 +23,9 @@ pub struct CommonArgs {
     /// Write to FILE (as FILE.partial, renamed at the end) instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Encoding of the output [default: the input's; csv for a source]
-    #[arg(long, value_name = "FORMAT", value_parser = parse_encoding)]
-    pub format: Option<Encoding>,
+    /// Encoding of the output: csv, mcap [default: the input's; csv for a source]
+    #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
+    pub format: Option<Format>,
     /// Encoding of the input [default: told from its first byte]
     #[arg(long, value_name = "FORMAT", value_parser = parse_encoding)]
     pub input_format: Option<Encoding>,
@@ -51,10 +60,17 @@ impl CommonArgs {
         if turned {
             return Err(Fault::Usage("--from is after --to: nothing lies between".into()).into());
         }
+        let format = match self.format {
+            Some(Format::Records(encoding)) => Some(encoding),
+            Some(Format::Cola) if tool != "simulate" => {
+                return Err(Fault::Usage("--format: csv or mcap is wanted".into()).into());
+            }
+            Some(Format::Cola) | None => None,
+        };
         Ok(Options {
             tool,
             output: self.output.clone(),
-            format: self.format,
+            format,
             input_format: self.input_format,
             skip_bad: self.skip_bad,
             window: Window {
@@ -65,6 +81,7 @@ impl CommonArgs {
             verbose: self.verbose,
             seed: None,
             configuration: None,
+            notes: Default::default(),
         })
     }
 }
@@ -90,6 +107,13 @@ fn parse_encoding(text: &str) -> Result<Encoding, String> {
         "csv" => Ok(Encoding::Csv),
         "mcap" => Ok(Encoding::Mcap),
         _ => Err("csv or mcap is wanted".to_owned()),
+    }
+}
+
+fn parse_format(text: &str) -> Result<Format, String> {
+    match text {
+        "cola" => Ok(Format::Cola),
+        _ => parse_encoding(text).map(Format::Records),
     }
 }
 
@@ -238,5 +262,13 @@ mod tests {
     fn encodings_have_names() {
         assert_eq!(parse_encoding("mcap"), Ok(Encoding::Mcap));
         assert!(parse_encoding("tum").is_err());
+        assert_eq!(parse_format("cola"), Ok(Format::Cola));
+        assert_eq!(parse_format("csv"), Ok(Format::Records(Encoding::Csv)));
+        let args = CommonArgs {
+            format: Some(Format::Cola),
+            ..CommonArgs::default()
+        };
+        assert!(args.options("simulate").is_ok());
+        assert!(args.options("extract-lines").is_err());
     }
 }

@@ -4,12 +4,14 @@
 pub mod ads_push;
 pub mod common;
 pub mod compensate_delay;
+mod ending;
 pub mod extract_lines;
 pub mod imu_read;
 pub mod report;
 pub mod scan_capture;
 pub mod simulate;
 pub mod solve_pose;
+mod tee;
 pub mod timesync;
 
 use crate::stream::{Fault, Outcome, exit};

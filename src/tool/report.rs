@@ -5,8 +5,8 @@ mod outputs;
 
 use super::common::{CommonArgs, parse_duration};
 use crate::report::{
-    Association, Case, Gate, Limits, Reference, Report, Settings, Zone, evaluate, json, origin,
-    page, terminal,
+    Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
+    origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use std::io::{IsTerminal, Write};
@@ -28,6 +28,8 @@ EXAMPLES
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
+  The noise of an IMU at rest, as a page and in numbers:
+    report --imu imu.csv --html imu.html --json > imu.json
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
@@ -69,6 +71,10 @@ pub struct Args {
     /// [default: 10ms]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub max_diff: Option<Duration>,
+    /// A record of the IMU at rest: Allan deviations beside the 3DM-GX1's data sheet; alone, or with
+    /// poses
+    #[arg(long, value_name = "FILE")]
+    pub imu: Option<PathBuf>,
     /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
     /// name in front if wanted (low=z<=3.5); several are scored side by side
     #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
@@ -139,6 +145,15 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 
 /// Reads everything and sums it up.
 fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
+    let inertial = args
+        .imu
+        .as_deref()
+        .map(|path| inputs::read_imu(path, options));
+    let inertial = inertial.transpose()?;
+    let alone = args.poses.is_empty() && args.truth.is_none() && args.desired.is_none();
+    if inertial.is_some() && alone {
+        return imu_alone(args, inertial);
+    }
     let sources = origin::sources(&args.poses);
     let (path, role) = match (&args.truth, &args.desired) {
         (Some(path), _) => (path.clone(), Role::Truth),
@@ -191,12 +206,42 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
         reference_source: origin::input_name(&path),
         reference,
         cases,
+        inertial,
         verdicts: verdicts.into_iter().flatten().collect(),
         command: origin::command_line(std::env::args()),
-        date: std::env::var("SOURCE_DATE_EPOCH")
-            .ok()
-            .and_then(|s| origin::date(&s)),
+        date: date(),
     })
+}
+
+/// The report of an IMU at rest, without poses.
+fn imu_alone(args: &Args, inertial: Option<Inertial>) -> anyhow::Result<Report> {
+    if let Some(gate) = args.fail_if.first() {
+        let why = format!(
+            "--fail-if '{}' is about poses, and there are none",
+            gate.text
+        );
+        return Err(Fault::Usage(why).into());
+    }
+    let source = inertial
+        .as_ref()
+        .map_or(String::new(), |i| i.source.clone());
+    let title = args.title.clone();
+    Ok(Report {
+        title: title.unwrap_or_else(|| format!("IMU report: {source}")),
+        role: "truth",
+        reference_source: String::new(),
+        reference: Reference::new(Vec::new(), Limits::default()),
+        cases: Vec::new(),
+        inertial,
+        verdicts: Vec::new(),
+        command: origin::command_line(std::env::args()),
+        date: date(),
+    })
+}
+
+fn date() -> Option<String> {
+    let seconds = std::env::var("SOURCE_DATE_EPOCH").ok()?;
+    origin::date(&seconds)
 }
 
 fn style(args: &Args) -> terminal::Style {

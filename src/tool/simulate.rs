@@ -1,11 +1,17 @@
-//! `simulate`: makes scans, IMU samples and the truth of a run through a virtual frame.
+//! `simulate`: makes scans, IMU samples and the truth of a run through a virtual frame, or is the
+//! scanner itself.
 
 mod args;
+mod cola;
+mod serve;
+mod serve_args;
+mod source;
 
 pub use args::Args;
 
 use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
+use crate::tool::common::Format;
 use clap::CommandFactory;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -16,7 +22,13 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
         args::refuse_foreign(&args, &written)?;
     }
-    let (frame, text) = args.frame.read()?;
+    if args.serve.is_asked() {
+        return serve::run(&args);
+    }
+    if args.common.format == Some(Format::Cola) {
+        return cola::run(&args);
+    }
+    let (frame, text) = args.read_frame()?;
     let mut options = args.common.options("simulate")?;
     options.seed = Some(args.seed);
     options.configuration = Some(text);
@@ -49,13 +61,44 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 /// The main stream and the files beside it.
 struct Outputs {
     main: Output,
+    sides: Sides,
+}
+
+impl Outputs {
+    fn open(args: &Args, options: &Options) -> anyhow::Result<Outputs> {
+        Ok(Outputs {
+            sides: Sides::open(args, options)?,
+            main: Output::open(options)?,
+        })
+    }
+
+    fn write(&mut self, step: &Step) -> anyhow::Result<()> {
+        // A reader of scans may wait for the samples beside them.
+        self.sides.write(step)?;
+        if self.main.encoding() == Encoding::Mcap {
+            let main = &mut self.main;
+            step.imu.iter().try_for_each(|sample| main.write(sample))?;
+            main.write_trajectory(Role::Truth, &step.truth)?;
+            main.write_trajectory(Role::Desired, &step.desired)?;
+        }
+        self.main.write(&step.scan)
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        self.sides.finish()?;
+        self.main.finish()
+    }
+}
+
+/// The files beside the scans.
+struct Sides {
     truth: Option<Output>,
     desired: Option<Output>,
     imu: Option<Output>,
 }
 
-impl Outputs {
-    fn open(args: &Args, options: &Options) -> anyhow::Result<Outputs> {
+impl Sides {
+    fn open(args: &Args, options: &Options) -> anyhow::Result<Sides> {
         let side = |path: &Option<PathBuf>| {
             let create = |path: &PathBuf| {
                 let is_mcap = path.extension().is_some_and(|e| e == "mcap");
@@ -68,49 +111,39 @@ impl Outputs {
             };
             path.as_ref().map(create).transpose()
         };
-        Ok(Outputs {
+        Ok(Sides {
             truth: side(&args.truth)?,
             desired: side(&args.desired)?,
             imu: side(&args.imu)?,
-            main: Output::open(options)?,
         })
     }
 
     fn write(&mut self, step: &Step) -> anyhow::Result<()> {
-        let together = self.main.encoding() == Encoding::Mcap;
-        let mut imu: Vec<&mut Output> = self.imu.iter_mut().collect();
-        let mut truth: Vec<&mut Output> = self.truth.iter_mut().collect();
-        let mut desired: Vec<&mut Output> = self.desired.iter_mut().collect();
-        for output in &mut imu {
+        if let Some(output) = &mut self.imu {
             step.imu
                 .iter()
                 .try_for_each(|sample| output.write(sample))?;
         }
-        for output in &mut truth {
+        if let Some(output) = &mut self.truth {
             output.write_trajectory(Role::Truth, &step.truth)?;
         }
-        for output in &mut desired {
+        if let Some(output) = &mut self.desired {
             output.write_trajectory(Role::Desired, &step.desired)?;
         }
-        // A reader of scans may wait for the samples beside them.
-        for output in imu.into_iter().chain(truth).chain(desired) {
+        for output in [&mut self.imu, &mut self.truth, &mut self.desired]
+            .into_iter()
+            .flatten()
+        {
             if output.encoding() == Encoding::Csv {
                 output.flush()?;
             }
         }
-        if together {
-            let main = &mut self.main;
-            step.imu.iter().try_for_each(|sample| main.write(sample))?;
-            main.write_trajectory(Role::Truth, &step.truth)?;
-            main.write_trajectory(Role::Desired, &step.desired)?;
-        }
-        self.main.write(&step.scan)
+        Ok(())
     }
 
     fn finish(self) -> anyhow::Result<()> {
         let sides = [self.imu, self.truth, self.desired];
-        sides.into_iter().flatten().try_for_each(Output::finish)?;
-        self.main.finish()
+        sides.into_iter().flatten().try_for_each(Output::finish)
     }
 }
 

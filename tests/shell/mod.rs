@@ -21,7 +21,7 @@ pub const TOOLS: [&str; 9] = [
 ];
 
 /// Those that are not built yet.
-pub const NOT_BUILT: [&str; 3] = ["imu-read", "timesync", "ads-push"];
+pub const NOT_BUILT: [&str; 1] = ["ads-push"];
 
 /// How a command line ended.
 #[derive(Debug)]

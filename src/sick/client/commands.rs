@@ -471,6 +471,7 @@ mod tests {
     fn reply(dialect: Dialect, body: &[u8]) -> Reply {
         Reply {
             dialect,
+            offset: 0,
             body: body.to_vec(),
             sent: HostInstant::default(),
             first: HostInstant::default(),

@@ -196,6 +196,8 @@ impl fmt::Display for Request {
 pub struct Reply {
     /// Its dialect.
     pub dialect: Dialect,
+    /// Offset of its first byte in the connection's stream.
+    pub offset: u64,
     /// What its frame holds, from the verb on.
     pub body: Vec<u8>,
     /// The host's time before the request was written.
@@ -211,7 +213,7 @@ impl Reply {
     pub fn telegram(&self) -> Telegram<'_> {
         Telegram {
             dialect: self.dialect,
-            offset: 0,
+            offset: self.offset,
             body: &self.body,
         }
     }
@@ -401,6 +403,7 @@ mod tests {
     fn reply(dialect: Dialect, body: &[u8]) -> Reply {
         Reply {
             dialect,
+            offset: 0,
             body: body.to_vec(),
             sent: HostInstant::default(),
             first: HostInstant::default(),

@@ -171,6 +171,8 @@ pub struct Client {
     lent: Option<Held>,
     tap: Option<Tap>,
     interrupted: Option<Interrupted>,
+    /// For so long after a request the answer is looked for without sleeping.
+    spin: Duration,
     strays: u64,
     out: Vec<u8>,
 }
@@ -226,6 +228,7 @@ impl Client {
             lent: None,
             tap,
             interrupted,
+            spin: Duration::ZERO,
             strays: 0,
             out: Vec::new(),
         };
@@ -310,6 +313,12 @@ impl Client {
         &mut self.line
     }
 
+    /// For so long after each request the answer is looked for without sleeping: a CPU that sleeps
+    /// wakes up late, and by an amount that varies.
+    pub fn set_spin(&mut self, spin: Duration) {
+        self.spin = spin;
+    }
+
     /// Replaces what ends a wait early.
     pub fn set_interrupted(&mut self, interrupted: Option<Box<dyn Fn() -> bool>>) {
         self.interrupted = interrupted;
@@ -334,18 +343,20 @@ impl Client {
         let sent = self.send(request)?;
         let due = Instant::now() + limit;
         enum Answer {
-            Reply(Dialect, Vec<u8>),
+            Reply(Dialect, u64, Vec<u8>),
             Refused(Refusal),
         }
         let found = self.collect(due, |telegram| {
             if request.is_answered_by(telegram) {
-                return Some(Answer::Reply(telegram.dialect, telegram.body.to_vec()));
+                let body = telegram.body.to_vec();
+                return Some(Answer::Reply(telegram.dialect, telegram.offset, body));
             }
             Refusal::of(telegram).map(Answer::Refused)
         })?;
         match found {
-            Some((Answer::Reply(dialect, body), first, received)) => Ok(Reply {
+            Some((Answer::Reply(dialect, offset, body), first, received)) => Ok(Reply {
                 dialect,
+                offset,
                 body,
                 sent,
                 first,
@@ -530,6 +541,7 @@ impl Client {
         due: Instant,
         mut accept: impl FnMut(&Telegram) -> Option<T>,
     ) -> Result<Option<(T, HostInstant, HostInstant)>, ClientError> {
+        let started = Instant::now();
         loop {
             let at = self.at;
             while let Some(event) = self.framer.next() {
@@ -553,7 +565,13 @@ impl Client {
             if left.is_zero() {
                 return Ok(None);
             }
-            self.read(left.min(GLANCE))?;
+            let spin = started.elapsed() < self.spin;
+            let wait = if spin {
+                Duration::ZERO
+            } else {
+                left.min(GLANCE)
+            };
+            self.read(wait)?;
         }
     }
 }

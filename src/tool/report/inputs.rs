@@ -1,7 +1,7 @@
 //! report's inputs: the runs and what they are compared with, in an order that cannot deadlock.
 
-use crate::record::{Pose, TrajectoryPoint};
-use crate::report::{Run, origin};
+use crate::record::{ImuSample, Pose, TrajectoryPoint};
+use crate::report::{Inertial, Recording, Run, origin};
 use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies};
 use std::path::Path;
 use std::thread;
@@ -65,6 +65,16 @@ pub(super) fn read(
         runs.into_iter().flatten().collect(),
         points.unwrap_or_default(),
     ))
+}
+
+/// A record of an IMU at rest.
+pub(super) fn read_imu(path: &Path, options: &Options) -> anyhow::Result<Inertial> {
+    let mut input: Input<ImuSample> = Input::open(Some(path), options)?;
+    let mut recording = Recording::default();
+    while let Some(sample) = input.next()? {
+        recording.push(sample);
+    }
+    Ok(recording.finish(origin::input_name(path)))
 }
 
 /// Whether an input is stdin, a FIFO or a device: anything but a file that is there or will be.

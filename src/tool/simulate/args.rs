@@ -1,11 +1,12 @@
 //! The command line of `simulate` and the run that it describes.
 
+use super::serve_args::{self, ServeArgs};
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
 use crate::record::{Axes, Stamp, TrajectoryPoint};
 use crate::simulate::{Course, Effect, Effects, Grid, Parameters, Scatter, Seed, Setup, scanner};
 use crate::stream::{Fault, Options, read_all};
-use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
+use crate::tool::common::{CommonArgs, Format, FrameArg, parse_duration};
 use anyhow::Context;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,18 @@ EFFECTS
                 remission (4 % noise, 150 digits are a reflector met squarely at 3 m)
     all       = every one of them, with the data sheet's noise; none = exact ranges of pencil beams
 
+SERVING
+  With --serve or --serve-pty there is no stream of scans: the program is the scanner, an LMS511
+  that clients log in to, configure and start, in real time. It says on stderr where it is, for
+  example: simulate: serving lms511 at 127.0.0.1:2112. A port answers in the dialect that it is
+  spoken to in; without a port it is 2111 (CoLa A) and 2112. When the trajectory ends, it waits for
+  the clients to leave (--linger), ends the connections in order and ends with status 0, as it does
+  on SIGINT and SIGTERM. -v accounts for every scan.
+  Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
+  stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on.
+  With --format cola the scanner's telegrams are the output; -o FILE then keeps them as a capture
+  does, with the arrival times beside them.
+
 EXAMPLES
   Exact scans of a 0.2 m grid, and where the platform truly was:
     simulate -f frame.toml --effects none --trajectory grid --truth truth.csv > scans.csv
@@ -34,6 +47,8 @@ EXAMPLES
   Into the chain, with the IMU as a side stream:
     mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
       | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  The scanner itself for one second, at a port that is free:
+    simulate -f frame.toml --n-scans 35 --serve 127.0.0.1:0
   As a live source, one second of it:
     simulate -f frame.toml --n-scans 35 --real-time | extract-lines -f frame.toml | tail -n 1
 ";
@@ -50,8 +65,9 @@ EXAMPLES
     after_long_help = EXAMPLES
 )]
 pub struct Args {
-    #[command(flatten)]
-    pub(super) frame: FrameArg,
+    /// Frame file: the box, its reflectors and the mountings
+    #[arg(short, long, value_name = "FILE", required_unless_present = "replay")]
+    frame: Option<PathBuf>,
     /// What is simulated: none, all, reference, or a list (see EFFECTS)
     #[arg(
         long,
@@ -101,10 +117,21 @@ pub struct Args {
     #[arg(long, value_name = "AXES", default_value = "platform", value_parser = parse_axes)]
     imu_axes: Axes,
     /// Give out each scan when it would be complete
-    #[arg(long)]
+    #[arg(long, conflicts_with = "serving")]
     pub(super) real_time: bool,
     #[command(flatten)]
+    pub(super) serve: ServeArgs,
+    #[command(flatten)]
     pub(super) common: CommonArgs,
+}
+
+impl Args {
+    /// The checked frame and the file's text.
+    pub(super) fn read_frame(&self) -> anyhow::Result<(Frame, String)> {
+        let frame = self.frame.clone();
+        let frame = frame.ok_or_else(|| Fault::Usage("-f FILE is missing".into()))?;
+        FrameArg { frame }.read()
+    }
 }
 
 /// The most wanted of the effects' sizes.
@@ -216,8 +243,44 @@ const COURSE_OPTIONS: [(&str, &[&str]); 16] = [
 /// Options of every moving trajectory beside the wobble.
 const MOVING_OPTIONS: [&str; 2] = ["wobble_hz", "lag"];
 
-/// Refuses an option that was written but belongs to another trajectory.
+/// Options of a simulation that a recording has no use for, beside the trajectory's.
+const SIMULATION_OPTIONS: [&str; 18] = [
+    "trajectory",
+    "effects",
+    "effects_file",
+    "sigma_mm",
+    "bias_mm",
+    "hit_threshold",
+    "remission_noise",
+    "outlier_share",
+    "dropout_share",
+    "model",
+    "frequency_hz",
+    "resolution_deg",
+    "n_scans",
+    "start_ns",
+    "truth",
+    "desired",
+    "imu",
+    "imu_rate_hz",
+];
+
+/// Refuses an option that was written but belongs to another trajectory, or to none.
 pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<(), Fault> {
+    let cola = args.common.format == Some(Format::Cola);
+    serve_args::refuse_foreign(&args.serve, written, cola)?;
+    if args.serve.replay.is_some() {
+        let courses = COURSE_OPTIONS.iter().map(|(option, _)| *option);
+        let all = courses.chain(MOVING_OPTIONS).chain(SIMULATION_OPTIONS);
+        let is_written = |option: &&str| {
+            written.value_source(option) == Some(clap::parser::ValueSource::CommandLine)
+        };
+        if let Some(option) = all.into_iter().find(is_written) {
+            let option = option.replace('_', "-");
+            let text = format!("--{option} is for a simulation, and --replay plays a recording");
+            return Err(Fault::Usage(text));
+        }
+    }
     let kind = match args.course.trajectory.as_str() {
         known @ ("grid" | "random" | "line" | "loop") => known,
         _ => "a file",

@@ -1,0 +1,153 @@
+//! What must be known of a unit to read a recording of it: `NAME.unit.toml` beside `NAME.gx1`.
+//!
+//! The bytes themselves do not tell it: a cell's answer does not say which cell it is.
+
+use super::command::Command;
+use super::scale::Gains;
+use super::session::Identity;
+use super::ticks::TickFactors;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The file's contents.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnitFile {
+    /// The firmware's number.
+    pub firmware: u16,
+    /// The serial number.
+    pub serial: u16,
+    /// Speed of the line, Bd.
+    pub baud: u32,
+    /// The commands by their bytes, the leading one first.
+    pub commands: Vec<u8>,
+    /// How often they were polled, Hz; absent where the first was streamed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poll_hz: Option<f64>,
+    /// Factors of the tick, cells 238, 240, 242, 246.
+    pub tick_factors: [u16; 4],
+    /// Gains, cells 230, 130, 232.
+    pub accel_gain: u16,
+    /// Cell 130.
+    pub rate_gain: u16,
+    /// Cell 232.
+    pub mag_gain: u16,
+}
+
+/// Why a unit file is of no use.
+#[derive(Debug, thiserror::Error)]
+pub enum UnitFileError {
+    /// It is no TOML of this kind.
+    #[error("{0}")]
+    Syntax(String),
+    /// A command that does not exist or cannot be streamed.
+    #[error("command 0x{0:02X} is no measurement")]
+    Command(u8),
+}
+
+impl UnitFile {
+    /// For a unit that was asked.
+    pub fn new(identity: Identity, baud: u32, gains: Gains, tick: TickFactors) -> UnitFile {
+        UnitFile {
+            firmware: identity.firmware,
+            serial: identity.serial,
+            baud,
+            commands: Vec::new(),
+            poll_hz: None,
+            tick_factors: tick.0,
+            accel_gain: gains.accel,
+            rate_gain: gains.rate,
+            mag_gain: gains.mag,
+        }
+    }
+
+    /// Reads the text.
+    ///
+    /// # Errors
+    /// [`UnitFileError`].
+    pub fn parse(text: &str) -> Result<UnitFile, UnitFileError> {
+        let file: UnitFile =
+            toml::from_str(text).map_err(|error| UnitFileError::Syntax(error.to_string()))?;
+        file.measurements()?;
+        Ok(file)
+    }
+
+    /// The text.
+    pub fn text(&self) -> String {
+        let head =
+            "# What imu-read must know of the unit to read the recording beside this file.\n";
+        // A plain table of numbers is always TOML.
+        format!("{head}{}", toml::to_string(self).unwrap_or_default())
+    }
+
+    /// The gains.
+    pub fn gains(&self) -> Gains {
+        Gains {
+            accel: self.accel_gain,
+            rate: self.rate_gain,
+            mag: self.mag_gain,
+        }
+    }
+
+    /// The commands.
+    ///
+    /// # Errors
+    /// [`UnitFileError::Command`].
+    pub fn measurements(&self) -> Result<Vec<Command>, UnitFileError> {
+        let command = |byte: &u8| {
+            Command::from_byte(*byte)
+                .filter(|command| command.is_measurement())
+                .ok_or(UnitFileError::Command(*byte))
+        };
+        self.commands.iter().map(command).collect()
+    }
+}
+
+/// The unit file of a recording: `run.unit.toml` for `run.gx1`, and for its parts `run.000.gx1` as
+/// well.
+pub fn beside(recording: &Path) -> PathBuf {
+    let own = recording.with_extension("unit.toml");
+    let stem = recording.file_stem().unwrap_or_default().to_string_lossy();
+    match stem.rsplit_once('.') {
+        Some((name, part))
+            if !own.is_file() && part.len() >= 3 && part.bytes().all(|b| b.is_ascii_digit()) =>
+        {
+            recording.with_file_name(format!("{name}.unit.toml"))
+        }
+        _ => own,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn survives_its_text() {
+        let identity = Identity {
+            firmware: 3201,
+            serial: 4021,
+        };
+        let mut file = UnitFile::new(identity, 38_400, Gains::FACTORY, TickFactors::FACTORY);
+        file.commands = vec![0x31, 0x0E];
+        assert_eq!(UnitFile::parse(&file.text()).unwrap(), file);
+        file.poll_hz = Some(12.5);
+        assert_eq!(UnitFile::parse(&file.text()).unwrap(), file);
+        file.commands = vec![0x10];
+        assert!(UnitFile::parse(&file.text()).is_err());
+        assert!(UnitFile::parse("baud = 3").is_err());
+    }
+
+    #[test]
+    fn parts_share_one() {
+        assert_eq!(beside(Path::new("d/run.gx1")), Path::new("d/run.unit.toml"));
+        assert_eq!(
+            beside(Path::new("d/run.007.gx1")),
+            Path::new("d/run.unit.toml")
+        );
+        assert_eq!(
+            beside(Path::new("d/run.7.gx1")),
+            Path::new("d/run.7.unit.toml")
+        );
+    }
+}

@@ -1,0 +1,150 @@
+//! A source that replays a recorded byte stream of an LMS5xx.
+//!
+//! What a recording says of time is kept: the distance from zero index to zero index and from there
+//! to the transmission. Counters, ticks, calendar and check bytes are the emulator's own, so that a
+//! recording may be played over and over without a step back.
+
+use super::{Revolution, Source};
+use crate::frame::{ScanMode, ScannerModel};
+use crate::sick::cola::{Event, Framer};
+use crate::sick::scandata::{LmdScandata, is_scan};
+
+/// Why a recording cannot be replayed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RecordingError {
+    /// Nothing to replay.
+    #[error("it holds no telegram with a scan")]
+    NoScans,
+    /// Not a mode of the device that is emulated.
+    #[error(
+        "it was made at {frequency_hz} Hz with {step_deg:.4} deg, which no mode of {model} has"
+    )]
+    Mode {
+        /// Scan frequency, Hz.
+        frequency_hz: f64,
+        /// Angle from beam to beam, deg.
+        step_deg: f64,
+        /// The scanner's name.
+        model: &'static str,
+    },
+}
+
+/// Recorded scans and when they were made.
+#[derive(Debug)]
+pub struct Recording {
+    scans: Vec<(LmdScandata, Revolution)>,
+    mode: ScanMode,
+    /// From the first zero index of one pass to that of the next, ns.
+    pass_ns: i64,
+    passes: Option<u64>,
+    place: usize,
+    pass: u64,
+}
+
+impl Recording {
+    /// Reads a recording, to be played `passes` times or without end.
+    pub fn new(
+        bytes: &[u8],
+        model: &'static ScannerModel,
+        passes: Option<u64>,
+    ) -> Result<Recording, RecordingError> {
+        let mut framer = Framer::new();
+        let mut scans: Vec<(LmdScandata, Revolution)> = Vec::new();
+        let mut index_ns = 0;
+        for chunk in bytes.chunks(64 << 10) {
+            framer.feed(chunk);
+            while let Some(event) = framer.next() {
+                let Event::Telegram(telegram) = event else {
+                    continue;
+                };
+                let mut scan = LmdScandata::default();
+                if !is_scan(&telegram) || scan.parse(&telegram).is_err() {
+                    continue;
+                }
+                let ticks = |from: u32, to: u32| i64::from(to.wrapping_sub(from)) * 1000;
+                if let Some((last, _)) = scans.last() {
+                    let since_ns = ticks(last.scan_tick_us, scan.scan_tick_us);
+                    if since_ns == 0 {
+                        // Sent twice.
+                        continue;
+                    }
+                    index_ns += since_ns;
+                }
+                let transmit_after_ns = ticks(scan.scan_tick_us, scan.transmit_tick_us);
+                let revolution = Revolution {
+                    index_ns,
+                    end_ns: index_ns,
+                    transmit_after_ns: Some(transmit_after_ns),
+                };
+                scans.push((scan, revolution));
+            }
+        }
+        let (first, _) = scans.first().ok_or(RecordingError::NoScans)?;
+        let frequency_hz = f64::from(first.scan_frequency) / 100.0;
+        let raw = first.channels.first().map_or(0, |c| c.angular_step);
+        let step_deg = crate::sick::angles::true_step_deg(raw);
+        let found = model.modes.iter().find(|mode| {
+            (mode.frequency_hz - frequency_hz).abs() < 1e-6
+                && (mode.step_deg() - step_deg).abs() < 1e-6
+        });
+        let mode = *found.ok_or(RecordingError::Mode {
+            frequency_hz,
+            step_deg,
+            model: model.name,
+        })?;
+        let mean_ns = match scans.len() as i64 - 1 {
+            0 => (1e9 / frequency_hz) as i64,
+            gaps => index_ns / gaps,
+        };
+        Ok(Recording {
+            pass_ns: index_ns + mean_ns,
+            scans,
+            mode,
+            passes,
+            place: 0,
+            pass: 0,
+        })
+    }
+
+    /// Number of scans in one pass.
+    pub fn len(&self) -> usize {
+        self.scans.len()
+    }
+
+    /// Whether there are none, which [`Recording::new`] refuses.
+    pub fn is_empty(&self) -> bool {
+        self.scans.is_empty()
+    }
+}
+
+impl Source for Recording {
+    fn next(
+        &mut self,
+        _mode: ScanMode,
+        measured: bool,
+        telegram: &mut LmdScandata,
+    ) -> Option<Revolution> {
+        if self.place == self.scans.len() {
+            self.place = 0;
+            self.pass += 1;
+        }
+        if self.passes.is_some_and(|passes| self.pass >= passes) {
+            return None;
+        }
+        let (scan, revolution) = self.scans.get(self.place)?;
+        self.place += 1;
+        if measured {
+            telegram.channels.clone_from(&scan.channels);
+        }
+        let shift_ns = i64::try_from(self.pass).ok()?.checked_mul(self.pass_ns)?;
+        Some(Revolution {
+            index_ns: revolution.index_ns + shift_ns,
+            end_ns: revolution.end_ns + shift_ns,
+            ..*revolution
+        })
+    }
+
+    fn fixed_mode(&self) -> Option<ScanMode> {
+        Some(self.mode)
+    }
+}

@@ -1,0 +1,649 @@
+//! The stream of a unit on a port.
+
+use super::NAME;
+use super::arguments::{CommandArgs, SampleArgs, parse_baud};
+use super::sink::Sink;
+use crate::gx1::framer::FramerCounts;
+use crate::gx1::session::{Identity, Patience};
+use crate::gx1::ticks::cycle_ticks;
+use crate::gx1::unit_file::{self, UnitFile};
+use crate::gx1::{
+    Command, Mode, Samples, Session, SessionError, Setup, command, samples, wire_time_s,
+};
+use crate::link::{Backoff, Endpoint, HostInstant, LinkError, Rotation, latency_timer};
+use crate::record::Stamp;
+use crate::stream::{Fault, Options, Outcome, Stop};
+use crate::tool::common::{CommonArgs, parse_duration, parse_rotation};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
+use anyhow::Context;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Arguments of the live stream.
+#[derive(Clone, Debug, clap::Args)]
+pub struct LiveArgs {
+    /// Serial port of the unit
+    #[arg(value_name = "DEVICE", required = true)]
+    pub device: Option<Endpoint>,
+    /// End after N samples
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub n_samples: Option<u64>,
+    /// End after TIME (30s, 10min)
+    #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
+    pub for_time: Option<Duration>,
+    /// The commands
+    #[command(flatten)]
+    pub commands: CommandArgs,
+    /// The samples
+    #[command(flatten)]
+    pub samples: SampleArgs,
+    /// The line
+    #[command(flatten)]
+    pub line: LineArgs,
+    /// The raw bytes
+    #[command(flatten)]
+    pub recording: RecordingArgs,
+    /// The streams
+    #[command(flatten)]
+    pub common: CommonArgs,
+}
+
+/// How the unit is reached.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Line")]
+pub struct LineArgs {
+    /// Speed of the unit, Bd [default: found by asking at 38400, 115200 and 19200]
+    #[arg(long, value_name = "BD", value_parser = parse_baud)]
+    pub baud: Option<u32>,
+    /// Wait this long for the port and the unit to appear
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration)]
+    pub wait: Duration,
+}
+
+/// The raw bytes of the stream.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Recording")]
+pub struct RecordingArgs {
+    /// Keep the raw bytes in FILE, with FILE.times.csv and FILE.unit.toml beside it
+    #[arg(long, value_name = "FILE")]
+    pub tee: Option<PathBuf>,
+    /// Begin a new file (FILE.000, FILE.001 ...) after a size (100MB), an age (10min), or either (100MB|10min)
+    #[arg(long, value_name = "LIMIT", value_parser = parse_rotation, requires = "tee")]
+    pub tee_rotate: Option<Rotation>,
+    /// Leave the unit streaming at the end
+    #[arg(long)]
+    pub leave_streaming: bool,
+}
+
+/// The longest wait for bytes between two looks at what else there is to do.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// Silence for which the unit is taken to be away, and in periods.
+const SILENCE: Duration = Duration::from_millis(500);
+const SILENT_PERIODS: f64 = 20.0;
+
+/// For how long a unit is asked for on a port that is open, before the port is opened anew.
+const RETRY_WAIT: Duration = Duration::from_millis(300);
+
+/// For how long the answer to a poll is awaited before it is asked again.
+const POLL_WAIT: Duration = Duration::from_millis(500);
+
+/// Streams until the end.
+pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
+    let device = args.device.clone();
+    let device = device.ok_or_else(|| Fault::Usage("a serial port is wanted".into()))?;
+    if let Endpoint::Tcp { host, .. } = &device {
+        let text = format!("{host}: a serial port is wanted, such as /dev/ttyUSB0");
+        return Err(Fault::Usage(text).into());
+    }
+    let commands = args.commands.commands();
+    if commands.len() > 4 {
+        return Err(Fault::Usage("at most four commands at a time".into()).into());
+    }
+    let mut options = args.common.options(NAME)?;
+    let frame = args.samples.frame()?;
+    options.configuration = frame.as_ref().map(|(_, text)| text.clone());
+    if let Some(tee) = &args.recording.tee {
+        refuse_one_file(tee, args.recording.tee_rotate.unwrap_or_default(), &options)?;
+    }
+    let ending = Ending::new(Stop::install()?, &options);
+    warn_of_timer(&device, &options);
+    let rotation = args.recording.tee_rotate.unwrap_or_default();
+    let tee = Tee::new(NAME, args.recording.tee.as_deref(), rotation);
+    let mut live = Live {
+        mode: args.commands.poll.map_or(Mode::Continuous, Mode::Polled),
+        device,
+        commands,
+        args,
+        options,
+        ending,
+        tee,
+        baud: None,
+        outages: 0,
+        past: FramerCounts::default(),
+    };
+    let mut session = match live.first_session() {
+        Ok(session) => session,
+        Err(error) => return live.failed_start(error, 0),
+    };
+    let (identity, setup) = match live.get_to_know(&mut session) {
+        Ok(known) => known,
+        Err(error) => {
+            session.stop();
+            return live.failed_start(error, 0);
+        }
+    };
+    let frame = frame.as_ref().map(|(frame, _)| frame);
+    let mut sink = Sink::open(
+        &live.options,
+        &live.args.samples,
+        frame,
+        &live.commands,
+        live.args.n_samples,
+    )?;
+    live.begin_recording(&setup, identity)?;
+    let mut samples = Samples::new(setup);
+    let ended = live.stream(session, identity, &mut samples, &mut sink);
+    live.finish(ended, &mut samples, &mut sink)
+}
+
+/// A stream and all that lives as long as it does.
+struct Live {
+    args: LiveArgs,
+    options: Options,
+    device: Endpoint,
+    commands: Vec<Command>,
+    mode: Mode,
+    ending: Rc<Ending>,
+    tee: Rc<RefCell<Tee>>,
+    /// The unit's speed, once it is known.
+    baud: Option<u32>,
+    outages: u64,
+    /// Counts of the sessions that have ended.
+    past: FramerCounts,
+}
+
+/// When the next thing is to be asked.
+struct Polling {
+    next: Instant,
+    /// When each of the polled commands was asked and not yet answered.
+    asked: Vec<(Command, Option<Instant>)>,
+}
+
+impl Live {
+    /// Opens the port and finds the unit, waiting for both.
+    fn first_session(&mut self) -> Result<Session, SessionError> {
+        let start = Instant::now();
+        let wait = self.args.line.wait;
+        let mut backoff = Backoff::new(Duration::from_millis(50), Duration::from_millis(500));
+        loop {
+            let left = wait.saturating_sub(start.elapsed());
+            match self.open(self.args.line.baud, left.max(Duration::from_millis(1))) {
+                // A port that is not there yet may come; one that is refused will not.
+                Err(SessionError::Link(error)) if left.is_zero() || !may_come(&error) => {
+                    return Err(error.into());
+                }
+                Err(SessionError::Link(_)) => self.ending.sleep(backoff.wait()),
+                other => return other,
+            }
+            if self.ending.reached() {
+                return Err(SessionError::Interrupted);
+            }
+        }
+    }
+
+    fn open(&mut self, baud: Option<u32>, wait: Duration) -> Result<Session, SessionError> {
+        let bauds: Vec<u32> = baud.into_iter().collect();
+        let tee = Rc::clone(&self.tee);
+        tee.borrow_mut().new_session();
+        let tap = move |bytes: &[u8], at: HostInstant| tee.borrow_mut().chunk(bytes, at);
+        let ending = Rc::clone(&self.ending);
+        let patience = Patience {
+            wait,
+            interrupted: &|| ending.reached(),
+        };
+        Session::open(
+            &self.device,
+            &bauds,
+            &self.commands,
+            Some(Box::new(tap)),
+            &patience,
+        )
+    }
+
+    /// Asks the unit who it is and what its numbers mean.
+    fn get_to_know(&mut self, session: &mut Session) -> Result<(Identity, Setup), SessionError> {
+        let ending = Rc::clone(&self.ending);
+        let patience = Patience {
+            wait: Duration::ZERO,
+            interrupted: &|| ending.reached(),
+        };
+        let identity = session.identity(&patience)?;
+        let gains = match self.args.samples.gains {
+            Some(gains) => gains,
+            None => session.gains(&patience)?,
+        };
+        let setup = Setup {
+            commands: self.commands.clone(),
+            mode: self.mode,
+            gains,
+            tick: session.tick(&patience)?,
+            baud: session.baud(),
+            accel_sign: self.args.samples.accel_sign,
+            quaternion: self.args.samples.quaternion.0,
+        };
+        self.baud = Some(session.baud());
+        self.say_setup(session, identity, &setup);
+        Ok((identity, setup))
+    }
+
+    fn say_setup(&self, session: &Session, identity: Identity, setup: &Setup) {
+        let place = session.place();
+        if self.options.verbose > 0 {
+            eprintln!(
+                "{NAME}: {place}: 3DM-GX1 number {}, firmware {}, {} Bd, tick {} ms, gains {} {} {}",
+                identity.serial,
+                command::firmware_version(identity.firmware),
+                setup.baud,
+                setup.tick.tick_s() * 1e3,
+                setup.gains.accel,
+                setup.gains.rate,
+                setup.gains.mag,
+            );
+        }
+        let leading = self.commands.first().copied().unwrap_or(Command::Null);
+        let cycle_s = match self.mode {
+            Mode::Continuous => f64::from(cycle_ticks(leading, true)) * setup.tick.tick_s(),
+            Mode::Polled(hz) => 1.0 / hz,
+        };
+        let bytes: usize = self.commands.iter().map(|c| c.reply_length()).sum();
+        let wire_s = wire_time_s(bytes, setup.baud);
+        if wire_s > cycle_s && !self.options.quiet {
+            eprintln!(
+                "{NAME}: {place}: {bytes} bytes take {:.1} ms at {} Bd, more than the {:.1} ms of a \
+                 cycle: at most {:.0} samples a second will come; raise the speed (cell 44) or ask \
+                 for less",
+                wire_s * 1e3,
+                setup.baud,
+                cycle_s * 1e3,
+                samples::most_per_second(&self.commands, setup.baud),
+            );
+        }
+    }
+
+    fn begin_recording(&self, setup: &Setup, identity: Identity) -> anyhow::Result<()> {
+        let Some(path) = &self.args.recording.tee else {
+            return Ok(());
+        };
+        let mut unit = UnitFile::new(identity, setup.baud, setup.gains, setup.tick);
+        unit.commands = self.commands.iter().map(|command| command.byte()).collect();
+        if let Mode::Polled(hz) = self.mode {
+            unit.poll_hz = Some(hz);
+        }
+        let io = |text: String| Fault::Io(text);
+        self.tee
+            .borrow_mut()
+            .open()
+            .map_err(|error| io(error.to_string()))?;
+        let beside = unit_file::beside(path);
+        std::fs::write(&beside, unit.text())
+            .map_err(|error| io(format!("{}: {}", beside.display(), plain(&error))))?;
+        Ok(())
+    }
+
+    /// Streams over as many sessions as it takes, until the end is reached.
+    fn stream(
+        &mut self,
+        session: Session,
+        identity: Identity,
+        samples: &mut Samples,
+        sink: &mut Sink,
+    ) -> anyhow::Result<()> {
+        let mut session = session;
+        loop {
+            let ended = self.session(&mut session, samples, sink);
+            let count = session.counts();
+            self.past.skipped += count.skipped + session.pending();
+            self.past.bad_sums += count.bad_sums;
+            let cause = match ended {
+                Ok(()) => {
+                    // What the unit says while it is stopped is no part of the stream.
+                    session.end_tap();
+                    self.leave(session);
+                    return Ok(());
+                }
+                Err(error) => match error.downcast::<SessionError>() {
+                    Ok(cause) => cause,
+                    Err(error) => {
+                        self.leave(session);
+                        return Err(error);
+                    }
+                },
+            };
+            drop(session);
+            sink.flush()?;
+            match self.find_again(&cause, identity)? {
+                Some(again) => session = again,
+                None => {
+                    self.remark("the unit is away and could not be told to stop");
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    /// Streams over one session until the end is reached; an error is the end of the session.
+    fn session(
+        &mut self,
+        session: &mut Session,
+        samples: &mut Samples,
+        sink: &mut Sink,
+    ) -> anyhow::Result<()> {
+        let ending = Rc::clone(&self.ending);
+        let patience = Patience {
+            wait: Duration::ZERO,
+            interrupted: &|| ending.reached(),
+        };
+        if self.mode == Mode::Continuous {
+            match session.start(samples.leading(), &patience) {
+                Err(SessionError::Interrupted) => return Ok(()),
+                other => other?,
+            }
+        }
+        if let Some(span) = self.args.for_time {
+            ending.due_in(span);
+        }
+        let beside = match self.mode {
+            Mode::Continuous => self.commands.get(1..).unwrap_or_default(),
+            Mode::Polled(_) => &self.commands[..],
+        };
+        let mut polling = Polling {
+            next: Instant::now(),
+            asked: beside.iter().map(|command| (*command, None)).collect(),
+        };
+        let mut last_sign = Instant::now();
+        loop {
+            let (mut led, mut waiting) = (false, true);
+            let signs = samples.counts();
+            while let Some(arrived) = session.next() {
+                waiting = false;
+                let command = arrived.packet.command();
+                led |= command == samples.leading();
+                for (asked, since) in &mut polling.asked {
+                    if *asked == command {
+                        *since = None;
+                    }
+                }
+                samples.push(&arrived);
+            }
+            let now = samples.counts();
+            // A reply that repeats is no sign of life.
+            if now.replies - now.repeated > signs.replies - signs.repeated {
+                last_sign = Instant::now();
+            }
+            sink.drain(samples)?;
+            if sink.done() || ending.reached() {
+                return Ok(());
+            }
+            self.poll(session, &mut polling, led)?;
+            let silence = samples.period_s().map_or(SILENCE * 2, |period_s| {
+                SILENCE.max(Duration::from_secs_f64(
+                    (period_s * SILENT_PERIODS).min(60.0),
+                ))
+            });
+            if last_sign.elapsed() > silence {
+                let repeated = samples.counts().repeated;
+                let place = session.place().to_owned();
+                let waited_s = silence.as_secs_f64();
+                let asked = if repeated > 0 && !waiting {
+                    "anything but the same reply again"
+                } else {
+                    "the stream"
+                };
+                return Err(SessionError::NoAnswer {
+                    place,
+                    asked: asked.to_owned(),
+                    waited_s,
+                    times: 1,
+                }
+                .into());
+            }
+            sink.flush()?;
+            session.read(self.next_wait(&polling))?;
+        }
+    }
+
+    /// For how long to wait for bytes.
+    fn next_wait(&self, polling: &Polling) -> Duration {
+        match self.mode {
+            Mode::Continuous => SLICE,
+            Mode::Polled(_) => polling
+                .next
+                .saturating_duration_since(Instant::now())
+                .clamp(Duration::from_micros(200), SLICE),
+        }
+    }
+
+    /// Asks for what is due: with each streamed reply, or by the clock.
+    fn poll(
+        &self,
+        session: &mut Session,
+        polling: &mut Polling,
+        led: bool,
+    ) -> Result<(), SessionError> {
+        let now = Instant::now();
+        if let Mode::Polled(hz) = self.mode {
+            if now < polling.next {
+                return Ok(());
+            }
+            let period = Duration::from_secs_f64(1.0 / hz);
+            polling.next = (polling.next + period).max(now);
+        } else if !led {
+            return Ok(());
+        }
+        for (command, since) in &mut polling.asked {
+            // What has not been answered yet is in the unit's queue.
+            if since.is_none_or(|since| now - since > POLL_WAIT) {
+                session.send(*command, &[])?;
+                *since = Some(now);
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks for the unit until it is back; none where the end is reached before.
+    fn find_again(
+        &mut self,
+        cause: &SessionError,
+        identity: Identity,
+    ) -> anyhow::Result<Option<Session>> {
+        let away = Instant::now();
+        self.outages += 1;
+        self.remark(&format!("{cause}; looking for the unit until it is back"));
+        while !self.ending.reached() {
+            match self.open(self.baud, RETRY_WAIT) {
+                Ok(mut session) => {
+                    let ending = Rc::clone(&self.ending);
+                    let patience = Patience {
+                        wait: Duration::ZERO,
+                        interrupted: &|| ending.reached(),
+                    };
+                    match session.identity(&patience) {
+                        Ok(now) if now.serial != identity.serial => {
+                            let text = format!(
+                                "{}: number {} answers in place of {}: another unit, whose gains \
+                                 are others; start anew with it",
+                                session.place(),
+                                now.serial,
+                                identity.serial
+                            );
+                            return Err(Fault::Unavailable(text).into());
+                        }
+                        Ok(_) => {
+                            let away_s = away.elapsed().as_secs_f64();
+                            let place = session.place();
+                            self.remark(&format!("{place}: back after {away_s:.2} s"));
+                            return Ok(Some(session));
+                        }
+                        Err(SessionError::Interrupted) => {
+                            session.stop();
+                            return Ok(None);
+                        }
+                        Err(_) => {}
+                    }
+                }
+                Err(SessionError::Interrupted) => return Ok(None),
+                Err(_) => self.ending.sleep(SLICE * 2),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Leaves the unit as it should be left.
+    fn leave(&self, mut session: Session) {
+        if self.args.recording.leave_streaming || session.streaming().is_none() {
+            return;
+        }
+        if !session.stop() {
+            let place = session.place();
+            self.remark(&format!(
+                "{place}: the unit did not confirm that it stopped"
+            ));
+        }
+    }
+
+    fn finish(
+        &mut self,
+        ended: anyhow::Result<()>,
+        samples: &mut Samples,
+        sink: &mut Sink,
+    ) -> anyhow::Result<Outcome> {
+        let recorded = self.tee.borrow_mut().finish(None);
+        ended?;
+        samples.finish();
+        sink.drain(samples)?;
+        sink.finish()?;
+        // A full disk of the recording does not cost the records.
+        recorded.map_err(|error| Fault::Io(error.to_string()))?;
+        let counts = samples.counts();
+        if self.options.verbose > 0 {
+            eprintln!(
+                "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} implausible, {} \
+                 bytes skipped, {} bad sums, {} reconnections",
+                sink.written(),
+                counts.lost,
+                counts.repeated,
+                counts.implausible,
+                self.past.skipped,
+                self.past.bad_sums,
+                self.outages,
+            );
+        }
+        self.ending.check(sink.written())?;
+        let lost = counts.lost + counts.implausible + counts.restarts + self.outages;
+        if lost > 0 {
+            self.remark(&format!(
+                "{} samples written, {} lost, {} outages",
+                sink.written(),
+                counts.lost,
+                self.outages
+            ));
+            return Ok(Outcome::Degraded);
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// The end of a start that failed: a signal, or no unit.
+    fn failed_start(&self, error: SessionError, written: u64) -> anyhow::Result<Outcome> {
+        if matches!(error, SessionError::Interrupted) {
+            self.ending.check(written)?;
+            return Ok(Outcome::Done);
+        }
+        let text = match &error {
+            SessionError::Link(LinkError::Open { .. }) => {
+                format!("{error}; 'imu-read list' shows the ports there are")
+            }
+            SessionError::NoAnswer { .. } if self.args.samples.gains.is_none() => {
+                format!("{error}; the unit's gains must be known: --gains states them")
+            }
+            _ => error.to_string(),
+        };
+        Err(Fault::Unavailable(text).into())
+    }
+
+    fn remark(&self, text: &str) {
+        if !self.options.quiet {
+            eprintln!("{NAME}: {text}");
+        }
+    }
+}
+
+/// What the system says, without its number for it.
+fn plain(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    let text = text.split(" (os error").next();
+    text.unwrap_or_default().to_owned()
+}
+
+/// Whether an error may go away by itself: a port that is not there yet.
+fn may_come(error: &LinkError) -> bool {
+    match error {
+        LinkError::Open { reason, .. } => !reason.contains("denied"),
+        _ => true,
+    }
+}
+
+/// Warns where an adapter holds bytes back for long.
+fn warn_of_timer(device: &Endpoint, options: &Options) {
+    let Endpoint::Serial(path) = device else {
+        return;
+    };
+    if let Some(timer) = latency_timer(path)
+        && timer.ms > 1
+        && !options.quiet
+    {
+        let file = timer.file.display();
+        eprintln!(
+            "{NAME}: {}: the adapter holds bytes back for up to {} ms, which costs accuracy of time \
+             (0.5 ms instead of 0.02 ms); set it to 1 ms: echo 1 | sudo tee {file}",
+            path.display(),
+            timer.ms
+        );
+    }
+}
+
+/// Refuses to write the records and the raw bytes into one file.
+fn refuse_one_file(tee: &Path, rotation: Rotation, options: &Options) -> anyhow::Result<()> {
+    let Some(output) = &options.output else {
+        return Ok(());
+    };
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let (tee, output) = (absolute(tee), absolute(output));
+    let partial = PathBuf::from(format!("{}.partial", output.display()));
+    let both = [&output, &partial];
+    let one = both.into_iter().any(|path| {
+        crate::link::would_write(&tee, rotation, path) || *path == unit_file::beside(&tee)
+    });
+    if one {
+        let text = format!(
+            "{}: --tee and -o would write the same file",
+            output.display()
+        );
+        return Err(Fault::Usage(text).into());
+    }
+    Ok(())
+}
+
+/// The instant of the first byte of nothing: for arrivals that nobody recorded.
+pub(super) const NO_TIME: HostInstant = HostInstant {
+    utc: Stamp::from_ns(0),
+    raw_ns: 0,
+};
+
+/// Adds a file's name to an error of reading it.
+pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
+    std::fs::read_to_string(path).with_context(|| path.display().to_string())
+}

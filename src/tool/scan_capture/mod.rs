@@ -1,0 +1,58 @@
+//! scan-capture: scans from a laser scanner, or from a recorded byte stream of one.
+//!
+//! - [`args`] the command line
+//! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
+//!   [`live::Scanner`] speaks to one kind of device
+//! - [`sick`] the one that speaks to a SICK scanner
+//! - [`replay`] recordings
+
+mod args;
+mod live;
+mod replay;
+mod sick;
+
+pub use args::Args;
+
+use crate::frame::Frame;
+use crate::sick::replay::Settings;
+use crate::stream::{Outcome, Stop};
+use std::path::Path;
+
+/// The tool's name.
+const NAME: &str = "scan-capture";
+
+/// Runs the tool.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    args.check()?;
+    let mut options = args.common.options(NAME)?;
+    let mut settings = Settings {
+        epoch: args.epoch,
+        ..Settings::default()
+    };
+    if let Some(path) = &args.frame {
+        options.configuration = Some(apply_frame(path, &mut settings)?);
+    }
+    if !args.replay.is_empty() {
+        return replay::run(&args, options, settings);
+    }
+    let stop = Stop::install()?;
+    let capture = live::Settings::of(&args)?;
+    let ending = crate::tool::ending::Ending::new(stop, &options);
+    let tee = crate::tool::tee::Tee::new(
+        NAME,
+        args.tee.as_deref(),
+        args.tee_rotate.unwrap_or_default(),
+    );
+    let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
+    live::run(scanner, &capture, options, &ending, &tee)
+}
+
+/// Takes over what the frame file says of the scanner; gives its text.
+fn apply_frame(path: &Path, settings: &mut Settings) -> anyhow::Result<String> {
+    let (frame, text) = Frame::read_with_text(path)?;
+    let model = frame.scanner_model();
+    settings.index_to_first_beam_s = frame.scanner.index_to_first_beam_s;
+    settings.aperture_start_rad = model.aperture_deg[0].to_radians();
+    settings.range_min_m = Some(model.range_m[0]);
+    Ok(text)
+}

@@ -1,0 +1,524 @@
+//! The live capture of a SICK scanner.
+
+use super::NAME;
+use super::args::Args;
+use super::live::{Heard, LineFault, Scanner};
+use crate::link::{Endpoint, LinkError};
+use crate::record::Scan;
+use crate::sick::client::commands::{
+    self, Contamination, DeviceStatus, MeanFilter, ScanConfiguration, ScanContents,
+};
+use crate::sick::client::{self, Client, ClientError, Incoming, Reply, Request, Tap};
+use crate::sick::cola::Telegram;
+use crate::sick::replay::{self, Replay};
+use crate::sick::scandata::{self, FieldError, LmdScandata};
+use crate::stream::{Fault, Options};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// How long a first connection may take, and one after an outage.
+const CONNECT: [Duration; 2] = [Duration::from_secs(3), Duration::from_secs(1)];
+/// How long an answer may take, at first and after an outage.
+const ANSWER: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(1)];
+/// How long the first scan may take once the device says that it measures.
+const FIRST_SCAN: Duration = Duration::from_secs(10);
+/// Between two questions whether the device is ready.
+const ASK_EVERY: Duration = Duration::from_millis(200);
+/// The line counts as down after so many periods without a scan.
+const PERIODS: f64 = 3.0;
+/// It never does before this: a busy host and a repeated packet are no outage.
+const LEAST_PATIENCE: Duration = Duration::from_millis(500);
+/// How long the device may take to say that it sends no more.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// A scanner drifts for so long after power-on (Lee and Ehsani 2008, on an LMS200).
+const WARM_AFTER: Duration = Duration::from_secs(53 * 60);
+
+/// What is kept of the device between connections.
+pub(super) struct Sick {
+    endpoint: Endpoint,
+    baud: u32,
+    /// Requests a second; 0 is one a scan.
+    poll: Option<f64>,
+    quiet: bool,
+    ending: Rc<Ending>,
+    tee: Rc<RefCell<Tee>>,
+    client: Option<Client>,
+    answered: bool,
+    replay: Replay,
+    telegram: LmdScandata,
+    scan_end: u64,
+    polled: Option<Reply>,
+    next_poll: Instant,
+    /// From scan to scan as far as it is known, s.
+    interval_s: f64,
+    first_since: Instant,
+    scans_on_line: u64,
+    others: BTreeMap<String, u64>,
+    notes: BTreeMap<String, String>,
+    uptime: Option<Duration>,
+    warned: bool,
+    said_state: Option<u16>,
+}
+
+impl Sick {
+    pub(super) fn new(
+        args: &Args,
+        settings: replay::Settings,
+        options: &Options,
+        ending: &Rc<Ending>,
+        tee: &Rc<RefCell<Tee>>,
+    ) -> anyhow::Result<Sick> {
+        let endpoint = args.device.clone();
+        Ok(Sick {
+            endpoint: endpoint.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
+            baud: args.live.baud.unwrap_or(client::Settings::default().baud),
+            poll: args.live.poll,
+            quiet: options.quiet,
+            ending: Rc::clone(ending),
+            tee: Rc::clone(tee),
+            client: None,
+            answered: false,
+            replay: Replay::new(settings),
+            telegram: LmdScandata::default(),
+            scan_end: 0,
+            polled: None,
+            next_poll: Instant::now(),
+            interval_s: 0.04,
+            first_since: Instant::now(),
+            scans_on_line: 0,
+            others: BTreeMap::new(),
+            notes: BTreeMap::new(),
+            uptime: None,
+            warned: false,
+            said_state: None,
+        })
+    }
+
+    fn remark(&self, text: &str) {
+        if !self.quiet {
+            eprintln!("{NAME}: {}: {text}", self.endpoint);
+        }
+    }
+
+    fn connect(&mut self) -> Result<Client, ClientError> {
+        self.tee.borrow_mut().new_session();
+        let again = usize::from(self.answered);
+        let settings = client::Settings {
+            baud: self.baud,
+            connect: CONNECT[again],
+            answer: ANSWER[again],
+            dialect: None,
+        };
+        let tee = Rc::clone(&self.tee);
+        let tap: Tap = Box::new(move |bytes, at| tee.borrow_mut().chunk(bytes, at));
+        let ending = Rc::clone(&self.ending);
+        let interrupted = Box::new(move || ending.reached());
+        Client::connect(&self.endpoint, &settings, Some(tap), Some(interrupted))
+    }
+
+    /// Waits until the device measures.
+    fn await_measuring(&mut self, client: &mut Client, deadline: Instant) -> Result<(), LineFault> {
+        loop {
+            let status = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse);
+            let Some(status) = status.map_err(fault)? else {
+                return Ok(()); // a device that does not know the question
+            };
+            if self.uptime.is_none() {
+                self.uptime = uptime_by_unset_clock(&status);
+            }
+            if status.state == DeviceStatus::MEASURING {
+                if self.said_state.take().is_some() {
+                    self.remark("the scanner measures");
+                }
+                return Ok(());
+            }
+            if Instant::now() >= deadline {
+                let advice = match status.state {
+                    DeviceStatus::READY => {
+                        "The measurement has been switched off: --start logs in and starts it"
+                    }
+                    _ => "Look at its LEDs and display, or give it longer with --wait",
+                };
+                let text = format!(
+                    "{}: the scanner does not measure: it is {} (STlms {}). {advice}",
+                    self.endpoint,
+                    status.words(),
+                    status.state
+                );
+                return Err(LineFault::Hopeless(Fault::Unavailable(text).into()));
+            }
+            if self.said_state != Some(status.state) {
+                self.said_state = Some(status.state);
+                self.remark(&format!(
+                    "waiting for the scanner to measure: it is {} (STlms {})",
+                    status.words(),
+                    status.state
+                ));
+            }
+            self.ending.sleep(ASK_EVERY);
+            if self.ending.reached() {
+                return Err(LineFault::Ended);
+            }
+        }
+    }
+
+    /// Asks how often scans come, for the time limits. What a firmware does not know is left out.
+    fn ask_interval(&mut self, client: &mut Client) -> Result<(), ClientError> {
+        let configuration =
+            client.ask_if_known(&ScanConfiguration::request(), ScanConfiguration::parse);
+        let contents = client.ask_if_known(&ScanContents::request(), ScanContents::parse);
+        let mean = client.ask_if_known(&MeanFilter::request(), MeanFilter::parse);
+        let hundredths = known(configuration)?.map_or(2500, |scan| scan.frequency.max(1));
+        let every = known(contents)?.map_or(1, |contents| contents.every.max(1));
+        let mean = known(mean)?.map_or(1, |mean| mean.divisor());
+        self.interval_s = 100.0 / f64::from(hundredths) * f64::from(every) * f64::from(mean);
+        Ok(())
+    }
+
+    /// Asks who the device is and how it feels.
+    fn ask_notes(&mut self, client: &mut Client) -> Result<(), ClientError> {
+        let mut note = |key: &str, text: Option<String>| {
+            if let Some(text) = text {
+                self.notes.insert(key.to_owned(), text);
+            }
+        };
+        note("place", Some(client.place().to_owned()));
+        note("dialect", Some(format!("{:?}", client.dialect())));
+        let first_text: fn(&Reply) -> Result<String, FieldError> =
+            |reply| reply.values().text("text");
+        for (key, name) in [
+            ("firmware", "FirmwareVersion"),
+            ("serial number", "SerialNumber"),
+            ("location", "LocationName"),
+        ] {
+            note(
+                key,
+                known(client.ask_if_known(&Request::read(name), first_text))?,
+            );
+        }
+        let ident: fn(&Reply) -> Result<String, FieldError> = |reply| {
+            let mut values = reply.values();
+            Ok([values.text("name")?, values.text("version")?].join(" "))
+        };
+        note(
+            "device",
+            known(client.ask_if_known(&Request::read("DeviceIdent"), ident))?,
+        );
+        let tenths: fn(&Reply) -> Result<u32, FieldError> =
+            |reply| reply.values().u32("operating hours");
+        let hours = known(client.ask_if_known(&Request::read("ODoprh"), tenths))?;
+        note(
+            "operating hours",
+            hours.map(|tenths| format!("{}.{}", tenths / 10, tenths % 10)),
+        );
+        let contamination =
+            known(client.ask_if_known(&Contamination::request(), Contamination::parse))?;
+        note(
+            "contamination",
+            contamination.map(|state| state.to_string()),
+        );
+        if let Some(uptime) = self.uptime {
+            note("seconds since power-on", Some(uptime.as_secs().to_string()));
+        }
+        if let Some(state) = contamination.filter(|state| state.0 != 0) {
+            self.remark(&format!("{state}: clean the front screen"));
+        }
+        Ok(())
+    }
+
+    /// Says once that the device is not warm yet, by the time since its start-up.
+    fn remark_warm_up(&mut self) {
+        if self.warned {
+            return;
+        }
+        self.warned = true;
+        let by_tick = Duration::from_micros(self.telegram.scan_tick_us.into());
+        let (uptime, sure) = match self.uptime {
+            Some(uptime) => (uptime, true),
+            None => (by_tick, false),
+        };
+        if uptime < WARM_AFTER {
+            let minutes = uptime.as_secs() / 60;
+            let doubt = match sure {
+                true => "",
+                false => " (by a counter that begins anew every 71.6 min)",
+            };
+            self.remark(&format!(
+                "on for {minutes} min{doubt}: its distances drift until about 53 min after \
+                 power-on"
+            ));
+        }
+    }
+
+    /// Makes a scan of a telegram.
+    fn take(
+        replay: &mut Replay,
+        parsed: &mut LmdScandata,
+        telegram: &Telegram,
+        at: crate::link::HostInstant,
+    ) -> Result<bool, String> {
+        let bad = |text: String| format!("a scan that makes no sense was skipped: {text}");
+        parsed
+            .parse(telegram)
+            .map_err(|error| bad(error.to_string()))?;
+        let scan = replay.push(parsed, Some(at));
+        Ok(scan.map_err(|error| bad(error.to_string()))?.is_some())
+    }
+
+    fn scan_came(&mut self) {
+        self.scans_on_line += 1;
+        let scan_s = self.replay.newest().scan_time_s;
+        if scan_s.is_finite() && scan_s > 0.0 {
+            self.interval_s = scan_s;
+        }
+        self.remark_warm_up();
+    }
+
+    fn poll_now(&mut self, timeout: Duration) -> Result<(), ClientError> {
+        let Some(client) = &mut self.client else {
+            return Ok(());
+        };
+        let left = self.next_poll.saturating_duration_since(Instant::now());
+        if !left.is_zero() {
+            client.wait(left.min(timeout))?;
+            return Ok(());
+        }
+        let began = Instant::now();
+        self.polled = Some(client.poll()?);
+        // One scan's period at most passes unseen between two polls.
+        let pause_s = match self.poll {
+            Some(rate_hz) if rate_hz > 0.0 => 1.0 / rate_hz,
+            _ => self.interval_s * 0.45,
+        };
+        self.next_poll = began + Duration::from_secs_f64(pause_s);
+        Ok(())
+    }
+}
+
+impl Scanner for Sick {
+    fn start(&mut self, deadline: Instant) -> Result<(), LineFault> {
+        self.polled = None;
+        self.scans_on_line = 0;
+        let mut client = self.connect().map_err(fault)?;
+        let first = !self.answered;
+        self.answered = true;
+        let opened = self.tee.borrow_mut().open();
+        opened.map_err(|error| LineFault::Hopeless(Fault::Io(error.to_string()).into()))?;
+        self.await_measuring(&mut client, deadline)?;
+        if first {
+            self.ask_notes(&mut client).map_err(fault)?;
+        }
+        self.ask_interval(&mut client).map_err(fault)?;
+        if self.poll.is_none() {
+            client
+                .call(&commands::scans(true), 1, "the device sends no scans")
+                .map_err(fault)?;
+        }
+        self.first_since = Instant::now();
+        self.next_poll = Instant::now();
+        self.client = Some(client);
+        Ok(())
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Result<(), LineFault> {
+        let result = match (&mut self.client, self.poll) {
+            (None, _) => return Err(LineFault::Down("no connection".to_owned())),
+            (Some(client), None) => client.wait(timeout).map(|_| ()),
+            (Some(_), Some(_)) => self.poll_now(timeout),
+        };
+        result.map_err(fault)
+    }
+
+    fn next(&mut self) -> Option<Heard> {
+        if let Some(reply) = self.polled.take() {
+            let telegram = reply.telegram();
+            self.scan_end = telegram.last_offset();
+            match Sick::take(
+                &mut self.replay,
+                &mut self.telegram,
+                &telegram,
+                reply.received,
+            ) {
+                Ok(true) => {
+                    self.scan_came();
+                    return Some(Heard::Scan);
+                }
+                Ok(false) => {}
+                Err(text) => return Some(Heard::Fault(text)),
+            }
+        }
+        let client = self.client.as_mut()?;
+        loop {
+            match client.next()? {
+                Incoming::Skipped(skipped) if skipped.cause.is_edge() => {}
+                Incoming::Skipped(skipped) => {
+                    let text = format!("{} ({} bytes)", skipped.cause, skipped.bytes);
+                    return Some(Heard::Fault(text));
+                }
+                Incoming::Telegram { telegram, at } if scandata::is_scan(&telegram) => {
+                    let end = telegram.last_offset();
+                    match Sick::take(&mut self.replay, &mut self.telegram, &telegram, at) {
+                        Ok(false) => {}
+                        Ok(true) => {
+                            self.scan_end = end;
+                            self.scan_came();
+                            return Some(Heard::Scan);
+                        }
+                        Err(text) => return Some(Heard::Fault(text)),
+                    }
+                }
+                Incoming::Telegram { telegram, .. } => {
+                    let name = [telegram.verb(), telegram.name()].join(&b' ');
+                    *self
+                        .others
+                        .entry(name.escape_ascii().to_string())
+                        .or_default() += 1;
+                }
+            }
+        }
+    }
+
+    fn scan(&self) -> &Scan {
+        self.replay.newest()
+    }
+
+    fn scan_end(&self) -> u64 {
+        self.scan_end
+    }
+
+    fn patience(&self) -> Duration {
+        if self.scans_on_line == 0 {
+            return FIRST_SCAN;
+        }
+        Duration::from_secs_f64(PERIODS * self.interval_s).max(LEAST_PATIENCE)
+    }
+
+    fn has_answered(&self) -> bool {
+        self.answered
+    }
+
+    fn lost(&self) -> u64 {
+        let counts = self.replay.counts();
+        counts.missing + counts.estimated
+    }
+
+    fn restarts(&self) -> u64 {
+        let counts = self.replay.counts();
+        counts.restarts + counts.counter_restarts
+    }
+
+    fn stop(&mut self) {
+        let Some(mut client) = self.client.take() else {
+            return;
+        };
+        client.set_interrupted(None);
+        if self.poll.is_none() {
+            // A device that does not answer is left as it is; the line is closed either way.
+            let _ = client.request_within(&commands::scans(false), FAREWELL);
+        }
+        client.line().shut_down();
+    }
+
+    fn hang_up(&mut self) {
+        if let Some(mut client) = self.client.take() {
+            client.line().shut_down();
+        }
+    }
+
+    fn notes(&self) -> BTreeMap<String, String> {
+        self.notes.clone()
+    }
+
+    fn summary(&self, verbose: u8) -> Vec<String> {
+        let counts = self.replay.counts();
+        let mut lines: Vec<String> = [
+            (counts.late, "scans came after a newer one"),
+            (counts.counter_restarts, "times the scan counter began anew"),
+            (counts.restarts, "times the device restarted or changed"),
+        ]
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+        if verbose > 0 {
+            lines.push(format!(
+                "{} repeated telegrams dropped, {} scans with a device status",
+                counts.repeated, counts.flagged
+            ));
+            let others = self.others.iter();
+            let others: Vec<String> = others.map(|(name, n)| format!("{n} {name}")).collect();
+            if !others.is_empty() {
+                lines.push(format!("passed over: {}", others.join(", ")));
+            }
+        }
+        lines
+    }
+}
+
+/// An answer that makes no sense is as good as none: it only serves to know the device better.
+fn known<T>(answer: Result<Option<T>, ClientError>) -> Result<Option<T>, ClientError> {
+    match answer {
+        Err(ClientError::Answer { .. }) => Ok(None),
+        other => other,
+    }
+}
+
+/// Time since power-on, where nobody has set the clock: it begins at 1970-01-01.
+fn uptime_by_unset_clock(status: &DeviceStatus) -> Option<Duration> {
+    let days = match status.date.split('.').collect::<Vec<_>>()[..] {
+        [day, "01", "1970" | "70"] => day.parse::<u64>().ok()?.checked_sub(1)?,
+        _ => return None,
+    };
+    let parts: Option<Vec<u64>> = status
+        .time
+        .split(':')
+        .map(|part| part.parse().ok())
+        .collect();
+    match parts?[..] {
+        [hours, minutes, seconds] if hours < 24 && minutes < 60 && seconds < 61 => Some(
+            Duration::from_secs(((days * 24 + hours) * 60 + minutes) * 60 + seconds),
+        ),
+        _ => None,
+    }
+}
+
+/// Which faults another attempt may mend.
+fn fault(error: ClientError) -> LineFault {
+    match error {
+        ClientError::Interrupted => LineFault::Ended,
+        ClientError::Link(LinkError::Open { .. })
+        | ClientError::Link(_)
+        | ClientError::NoDialect { .. }
+        | ClientError::Answer { .. }
+        | ClientError::Silent { .. } => LineFault::Down(error.to_string()),
+        ClientError::Refused { .. } | ClientError::Failed { .. } => {
+            LineFault::Hopeless(Fault::Unavailable(error.to_string()).into())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unset_clock_tells_the_time_since_power_on() {
+        let status = |date: &str, time: &str| DeviceStatus {
+            state: 7,
+            too_hot_or_cold: false,
+            time: time.to_owned(),
+            date: date.to_owned(),
+        };
+        let uptime = |date, time| uptime_by_unset_clock(&status(date, time)).map(|up| up.as_secs());
+        assert_eq!(uptime("01.01.1970", "00:34:19"), Some(34 * 60 + 19));
+        assert_eq!(uptime("03.01.1970", "01:00:00"), Some(49 * 3600));
+        assert_eq!(uptime("17.03.2030", "16:36:54"), None);
+        assert_eq!(uptime("00.01.1970", "00:00:00"), None);
+        assert_eq!(uptime("", ""), None);
+        assert_eq!(uptime("01.01.1970", "1:2"), None);
+    }
+}

@@ -1,0 +1,282 @@
+//! A scanner that is asked for the time, again and again.
+
+use crate::clock::{ClockFit, Exchange, Tick, TickUnwrapper};
+use crate::link::Endpoint;
+use crate::record::{ClockExchange, Stamp};
+use crate::sick::client::commands::UserLevel;
+use crate::sick::client::{Client, ClientError, Reply, Settings};
+use crate::sick::scandata::{self, LmdScandata};
+use crate::stream::{Fault, Stop};
+use crate::tool::common::parse_duration;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Which scanner, and how it is asked.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Scanner")]
+pub(super) struct DeviceArgs {
+    /// The scanner: HOST, HOST:PORT or a serial port
+    #[arg(value_name = "HOST")]
+    pub host: Endpoint,
+    /// Speed of a serial line
+    #[arg(long, value_name = "BAUD", default_value_t = 57_600)]
+    pub baud: u32,
+    /// How long an answer may take
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = parse_duration)]
+    pub timeout: Duration,
+}
+
+/// How often it is asked.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Polling")]
+pub(super) struct PaceArgs {
+    /// Exchanges a second; their spacing is varied, so that they do not keep step with the scans
+    #[arg(long, value_name = "HZ", default_value_t = 35.0, value_parser = parse_rate)]
+    pub rate: f64,
+    /// Before and after each request be busy for so long instead of sleeping: a CPU that sleeps wakes
+    /// up late, and not equally late both ways
+    #[arg(long, value_name = "TIME", default_value = "2ms", value_parser = parse_duration)]
+    pub spin: Duration,
+    /// Which of the device's times is asked for
+    #[arg(long, value_enum, value_name = "WHICH", default_value_t = Which::Transmit)]
+    pub stamp: Which,
+}
+
+/// A device's times in a scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Which {
+    /// When the telegram was sent
+    Transmit,
+    /// When the scan was begun: useful one-way only
+    Scan,
+    /// The calendar at transmission, whole milliseconds; the time block must be switched on
+    Calendar,
+}
+
+/// Who logs in.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Login")]
+pub(super) struct LoginArgs {
+    /// File with the 8 hexadecimal digits of the password's hash [default: CABLEPOSE_PASSWORD, or the
+    /// hash of the password with which devices are delivered]
+    #[arg(long, value_name = "FILE")]
+    pub password_file: Option<PathBuf>,
+}
+
+impl LoginArgs {
+    /// The hash to log in with.
+    pub fn hash(&self) -> Result<u32, Fault> {
+        let (text, source) = match &self.password_file {
+            Some(path) => {
+                let name = path.display().to_string();
+                let text = std::fs::read_to_string(path).map_err(|error| {
+                    let why = error.to_string();
+                    let why = why.split(" (os error").next().unwrap_or_default();
+                    Fault::NoInput(format!("{name}: {why}"))
+                })?;
+                (text, name)
+            }
+            None => match std::env::var("CABLEPOSE_PASSWORD") {
+                Ok(text) => (text, "CABLEPOSE_PASSWORD".to_owned()),
+                Err(_) => return Ok(UserLevel::AuthorisedClient.default_hash()),
+            },
+        };
+        let digits = text.trim();
+        let hash = u32::from_str_radix(digits, 16).ok();
+        hash.filter(|_| digits.len() == 8).ok_or_else(|| {
+            Fault::Configuration(format!(
+                "{source}: 8 hexadecimal digits are wanted, the hash of the password"
+            ))
+        })
+    }
+}
+
+/// A fault of the session.
+pub(super) fn fault(error: ClientError) -> anyhow::Error {
+    Fault::Unavailable(error.to_string()).into()
+}
+
+/// A scanner that answers.
+pub(super) fn connect(device: &DeviceArgs, stop: &Stop) -> anyhow::Result<Client> {
+    let settings = Settings {
+        baud: device.baud,
+        answer: device.timeout,
+        ..Settings::default()
+    };
+    let asked = stop.clone();
+    let interrupted = Box::new(move || asked.requested());
+    Client::connect(&device.host, &settings, None, Some(interrupted)).map_err(fault)
+}
+
+/// Asks for the time again and again.
+pub(super) struct Poller {
+    which: Which,
+    period: Duration,
+    spin: Duration,
+    /// When the next one is due.
+    due: Instant,
+    number: u64,
+    ticks: TickUnwrapper,
+    last_raw_ns: Option<i64>,
+    telegram: LmdScandata,
+    request_bytes: u32,
+    pub counts: Counts,
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counts {
+    pub asked: u64,
+    /// Requests that were refused or not answered in time.
+    pub lost: u64,
+    pub restarts: u64,
+}
+
+/// So many requests in a row without an answer end it.
+const MOST_LOST: u32 = 5;
+/// The longest sleep between two looks at whether to stop.
+const NAP: Duration = Duration::from_millis(50);
+
+impl Poller {
+    pub fn new(pace: &PaceArgs) -> Poller {
+        Poller {
+            which: pace.stamp,
+            period: Duration::from_secs_f64(1.0 / pace.rate),
+            spin: pace.spin,
+            due: Instant::now(),
+            number: 0,
+            ticks: TickUnwrapper::default(),
+            last_raw_ns: None,
+            telegram: LmdScandata::default(),
+            request_bytes: 0,
+            counts: Counts::default(),
+        }
+    }
+
+    /// The next exchange, when it is due; none when it is time to stop.
+    ///
+    /// # Errors
+    /// Where the device does not answer any more, or not with a scan.
+    pub fn next(
+        &mut self,
+        client: &mut Client,
+        stop: &Stop,
+        until: Option<Instant>,
+    ) -> anyhow::Result<Option<ClockExchange>> {
+        let mut lost = 0;
+        client.set_spin(self.spin);
+        loop {
+            if !self.wait(stop, until) {
+                return Ok(None);
+            }
+            self.counts.asked += 1;
+            match client.poll() {
+                Ok(reply) => {
+                    while client.next().is_some() {}
+                    return self.exchange(&reply).map(Some);
+                }
+                Err(ClientError::Interrupted) => return Ok(None),
+                Err(error @ (ClientError::Silent { .. } | ClientError::Refused { .. })) => {
+                    lost += 1;
+                    self.counts.lost += 1;
+                    if lost >= MOST_LOST {
+                        return Err(fault(error));
+                    }
+                }
+                Err(error) => return Err(fault(error)),
+            }
+        }
+    }
+
+    /// Waits until the next request is due: asleep, and in the end busy.
+    fn wait(&mut self, stop: &Stop, until: Option<Instant>) -> bool {
+        // The golden ratio's multiples cover the interval evenly and keep step with nothing.
+        let share = (self.number as f64 * 0.618_033_988_749_895).fract();
+        let due = self.due + self.period.mul_f64(0.5 * share);
+        loop {
+            let now = Instant::now();
+            if stop.requested() || until.is_some_and(|until| now >= until) {
+                return false;
+            }
+            let left = due.saturating_duration_since(now);
+            if left.is_zero() {
+                break;
+            }
+            match left.checked_sub(self.spin) {
+                Some(sleep) if !sleep.is_zero() => std::thread::sleep(sleep.min(NAP)),
+                _ => std::hint::spin_loop(),
+            }
+        }
+        self.number += 1;
+        // What was missed is not made up for.
+        self.due = (self.due + self.period).max(Instant::now() - self.period);
+        true
+    }
+
+    fn exchange(&mut self, reply: &Reply) -> anyhow::Result<ClockExchange> {
+        let telegram = reply.telegram();
+        let bad =
+            |what: String| Fault::Unavailable(format!("the answer to sRN LMDscandata: {what}"));
+        if !scandata::is_scan(&telegram) {
+            return Err(bad("no scan".to_owned()).into());
+        }
+        self.telegram
+            .parse(&telegram)
+            .map_err(|error| bad(error.to_string()))?;
+        let device = match self.which {
+            Which::Calendar => {
+                let calendar = self.telegram.time.and_then(|time| time.stamp());
+                calendar
+                    .ok_or_else(|| bad("no time block; timesync set switches it on".to_owned()))?
+            }
+            Which::Transmit => self.unwrapped(self.telegram.transmit_tick_us, reply),
+            Which::Scan => self.unwrapped(self.telegram.scan_tick_us, reply),
+        };
+        // The frame around the body: 4 + 4 + 1 bytes in CoLa B, 2 in CoLa A.
+        let frame = match reply.dialect {
+            crate::sick::cola::Dialect::Binary => 9,
+            crate::sick::cola::Dialect::Text => 2,
+        };
+        self.request_bytes = frame + "sRN LMDscandata".len() as u32;
+        Ok(ClockExchange {
+            host_send: reply.sent.utc,
+            device,
+            host_receive: reply.first.utc,
+            host_last: Some(reply.received.utc),
+            host_send_raw: Some(Stamp::from_ns(reply.sent.raw_ns)),
+            host_receive_raw: Some(Stamp::from_ns(reply.first.raw_ns)),
+            request_bytes: Some(self.request_bytes),
+            reply_bytes: Some(frame + u32::try_from(reply.body.len()).unwrap_or(u32::MAX - frame)),
+        })
+    }
+
+    fn unwrapped(&mut self, tick: u32, reply: &Reply) -> Stamp {
+        let raw_ns = reply.first.raw_ns;
+        let elapsed_us = self.last_raw_ns.map(|last| (raw_ns - last) / 1000);
+        self.last_raw_ns = Some(raw_ns);
+        let tick = self.ticks.push(tick, elapsed_us);
+        self.counts.restarts += u64::from(matches!(tick, Tick::Restart(_)));
+        Stamp::from_ns(tick.us().saturating_mul(1000))
+    }
+}
+
+/// The host's monotonic clock that a fit is on, as UTC, ns.
+pub(super) fn at_utc_ns(fit: &ClockFit, utc_minus_host_ns: i64) -> i64 {
+    fit.line.at_host_ns.saturating_add(utc_minus_host_ns)
+}
+
+/// An exchange on the monotonic clock.
+pub(super) fn on_monotonic(record: &ClockExchange) -> Exchange {
+    let raw = |raw: Option<Stamp>, utc: Stamp| raw.unwrap_or(utc).ns();
+    Exchange {
+        send_ns: raw(record.host_send_raw, record.host_send),
+        device_ns: record.device.ns(),
+        receive_ns: raw(record.host_receive_raw, record.host_receive),
+    }
+}
+
+fn parse_rate(text: &str) -> Result<f64, String> {
+    let rate: Option<f64> = text.parse().ok();
+    rate.filter(|rate| (0.01..=1000.0).contains(rate))
+        .ok_or_else(|| "a number of exchanges a second from 0.01 to 1000 is wanted".to_owned())
+}

@@ -1,0 +1,212 @@
+//! timesync set: a scanner's calendar clock is set to the host's.
+
+use super::TOOL;
+use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, at_utc_ns, fault};
+use crate::clock::{ClockFit, FitSettings, Log, fit};
+use crate::link::HostInstant;
+use crate::record::Stamp;
+use crate::sick::client::commands::{ScanContents, UserLevel};
+use crate::sick::client::{Client, ClientError, Reply};
+use crate::sick::scandata::Calendar;
+use crate::stream::{Fault, Outcome, Stop};
+use crate::tool::common::parse_duration;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Set a scanner's calendar clock to the host's (UTC)
+///
+/// Logs in, sets the clock (LSPsetdatetime), watches it by the time block of polled scans, sets it
+/// again with the delay that was found taken off, and says what is left. Not while scans are
+/// recorded: a clock in use is translated, not moved. Where the time block was off it is switched on
+/// for this, and off again at the end.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    pace: PaceArgs,
+    #[command(flatten)]
+    login: LoginArgs,
+    /// How long the clock is watched after each setting
+    #[arg(long = "for", value_name = "TIME", default_value = "3s", value_parser = parse_duration)]
+    duration: Duration,
+    /// Leave the time block on
+    #[arg(long)]
+    keep_time_block: bool,
+    /// Write the result as JSON
+    #[arg(long)]
+    json: bool,
+    /// No remarks
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// What was done.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Device minus host after the first setting, s.
+    first_s: f64,
+    /// Device minus host after the second one, s.
+    residual_s: f64,
+    /// The scatter of the residual, s.
+    sigma_s: Option<f64>,
+    /// Half the shortest round trip of the polls, s: what asymmetry could hide.
+    bracket_s: Option<f64>,
+    /// The residual lies between these for certain, s: the value set minus the instants between
+    /// which the device took it.
+    probe_s: [f64; 2],
+    /// The host's UTC at which the residual was found, ns.
+    at_utc_ns: i64,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if args.pace.stamp != Which::Transmit {
+        return Err(Fault::Usage("set looks at the calendar: --stamp does not fit".into()).into());
+    }
+    let hash = args.login.hash()?;
+    let stop = Stop::install()?;
+    let mut client = live::connect(&args.device, &stop)?;
+    log_in(&mut client, hash)?;
+    let contents = client
+        .ask(&ScanContents::request(), ScanContents::parse)
+        .map_err(fault)?;
+    let done = set_twice(args, &mut client, &contents, hash, &stop);
+    // Whatever happened, the device is left as it was, and measuring.
+    client.set_interrupted(None);
+    let restored = restore(args, &mut client, &contents, hash);
+    let Some(report) = done? else {
+        stop.check(0)?;
+        return Ok(Outcome::Done);
+    };
+    restored.map_err(fault)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+        return Ok(Outcome::Done);
+    }
+    let us = |s: f64| format!("{:+.1} us", s * 1e6);
+    println!("after setting     {} (device - host)", us(report.first_s));
+    let sigma = report
+        .sigma_s
+        .map_or(String::new(), |s| format!(" +- {:.1} us", s * 1e6));
+    println!("set again, left   {}{sigma}", us(report.residual_s));
+    if let Some(bracket_s) = report.bracket_s {
+        println!(
+            "bracket           +- {:.1} us: what asymmetry could hide",
+            bracket_s * 1e6
+        );
+    }
+    let [low, high] = report.probe_s;
+    println!("for certain       between {} and {}", us(low), us(high));
+    Ok(Outcome::Done)
+}
+
+fn log_in(client: &mut Client, hash: u32) -> anyhow::Result<()> {
+    client
+        .log_in(UserLevel::AuthorisedClient, hash)
+        .map_err(fault)
+}
+
+/// Both settings and what is seen after them; none where it was interrupted.
+fn set_twice(
+    args: &Args,
+    client: &mut Client,
+    contents: &ScanContents,
+    hash: u32,
+    stop: &Stop,
+) -> anyhow::Result<Option<Report>> {
+    if !contents.time {
+        let with_time = ScanContents {
+            time: true,
+            ..*contents
+        };
+        client.request(&with_time.set()).map_err(fault)?;
+        if !args.quiet {
+            eprintln!("{TOOL}: the scans' time block is switched on");
+        }
+    }
+    set(client, 0)?;
+    client.run().map_err(fault)?;
+    let Some(first) = look(args, client, stop)? else {
+        return Ok(None);
+    };
+    log_in(client, hash)?;
+    // The device was set to the time at which the request left, and took it later: it is behind.
+    let (value_ns, reply) = set(client, -first.offset_ns)?;
+    client.run().map_err(fault)?;
+    let Some(second) = look(args, client, stop)? else {
+        return Ok(None);
+    };
+    let probe = |instant: HostInstant| (value_ns - instant.utc.ns()) as f64 * 1e-9;
+    Ok(Some(Report {
+        first_s: first.offset_ns as f64 * 1e-9,
+        residual_s: second.offset_ns as f64 * 1e-9,
+        sigma_s: second.fit.offset_sigma_ns.map(|ns| ns * 1e-9),
+        bracket_s: second.fit.bracket_ns.map(|ns| ns * 1e-9),
+        probe_s: [probe(reply.received), probe(reply.sent)],
+        at_utc_ns: second.at_utc_ns,
+    }))
+}
+
+/// Sets the clock to the host's time plus `ahead_ns`; gives the value and the answer.
+fn set(client: &mut Client, ahead_ns: i64) -> anyhow::Result<(i64, Reply)> {
+    let now_ns = HostInstant::now().utc.ns() + ahead_ns;
+    let value_ns = now_ns - now_ns.rem_euclid(1000);
+    let calendar = Calendar::at(Stamp::from_ns(value_ns)).ok_or_else(|| {
+        Fault::Unavailable("the host's clock is outside the years 1970 to 2261".into())
+    })?;
+    let reply = client.set_date_time(&calendar).map_err(fault)?;
+    Ok((value_ns, reply))
+}
+
+/// What the calendar clock is off.
+struct Seen {
+    /// Device minus host's calendar, ns.
+    offset_ns: i64,
+    at_utc_ns: i64,
+    fit: ClockFit,
+}
+
+/// Watches the calendar clock for a while; none where it was interrupted.
+fn look(args: &Args, client: &mut Client, stop: &Stop) -> anyhow::Result<Option<Seen>> {
+    let pace = PaceArgs {
+        stamp: Which::Calendar,
+        ..args.pace.clone()
+    };
+    let mut poller = Poller::new(&pace);
+    let until = Instant::now() + args.duration;
+    let mut records = Vec::new();
+    while let Some(exchange) = poller.next(client, stop, Some(until))? {
+        records.push(exchange);
+    }
+    if stop.requested() {
+        return Ok(None);
+    }
+    let log = Log::of(&records, None);
+    let session = log.sessions.last();
+    let session = session.ok_or_else(|| Fault::Unavailable("no scan was answered".into()))?;
+    let found = fit(&session.exchanges, &FitSettings::default())
+        .map_err(|error| Fault::Unavailable(format!("{error}; give a longer --for")))?;
+    Ok(Some(Seen {
+        offset_ns: found
+            .line
+            .offset_ns
+            .saturating_sub(session.utc_minus_host_ns),
+        at_utc_ns: at_utc_ns(&found, session.utc_minus_host_ns),
+        fit: found,
+    }))
+}
+
+/// Leaves the device as it was, and measuring.
+fn restore(
+    args: &Args,
+    client: &mut Client,
+    contents: &ScanContents,
+    hash: u32,
+) -> Result<(), ClientError> {
+    if contents.time || args.keep_time_block {
+        return client.run();
+    }
+    client.log_in(UserLevel::AuthorisedClient, hash)?;
+    client.request(&contents.set())?;
+    client.run()
+}
