@@ -3,7 +3,7 @@
 use super::serve_args::{Address, ServeArgs};
 use super::source::{Simulation, View};
 use super::unit::{self, Origin};
-use super::{Args, Sides, args};
+use super::{Args, Sides, args, serve_hokuyo};
 use crate::frame::ScannerModel;
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
@@ -33,6 +33,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage(text.into()).into());
     }
     let serve = &args.serve;
+    if serve.replay.is_none() {
+        let (frame, text) = args.read_frame()?;
+        let setup = args::setup(args, frame, &options)?;
+        if setup.model.name == serve_hokuyo::MODEL {
+            options.configuration = Some(text);
+            if args.unit.imu_pty.is_some() {
+                let text = "--imu-pty goes with an LMS5xx; serve the IMU by a second simulate";
+                return Err(Fault::Usage(text.into()).into());
+            }
+            return serve_hokuyo::run(args, setup, &options);
+        }
+    }
     let origin = args
         .unit
         .imu_pty
@@ -101,7 +113,7 @@ pub(super) fn view(
     let (start, model, mode) = (setup.start, setup.model, setup.mode);
     if !model.name.starts_with("lms5") {
         let text = format!(
-            "--serve emulates an LMS5xx, and the scanner is {}",
+            "--serve emulates an LMS5xx or a UTM-30LX, and the scanner is {}",
             model.name
         );
         return Err(Fault::Usage(text).into());
