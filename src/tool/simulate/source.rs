@@ -1,12 +1,14 @@
 //! What an emulated scanner sees: a simulation or a recording.
 
 use super::Sides;
+use super::unit::Origin;
 use crate::frame::ScanMode;
-use crate::record::Stamp;
+use crate::record::{Scan, Stamp};
 use crate::sick::emulator::recording::Recording;
 use crate::sick::emulator::{Revolution, Source, fill};
 use crate::sick::scandata::LmdScandata;
 use crate::simulate::Simulator;
+use std::sync::Arc;
 
 /// A simulation that is looked at by an emulated scanner, and the files beside it.
 pub struct Simulation {
@@ -15,6 +17,8 @@ pub struct Simulation {
     /// From the zero index to the beam at the aperture's start, ns.
     index_to_first_beam_ns: i64,
     sides: Sides,
+    /// Where others learn when the course began.
+    origin: Option<Arc<Origin>>,
     /// Why a file beside the scans could not be written.
     fault: Option<anyhow::Error>,
 }
@@ -26,18 +30,20 @@ impl Simulation {
         start: Stamp,
         index_to_first_beam_s: f64,
         sides: Sides,
+        origin: Option<Arc<Origin>>,
     ) -> Simulation {
         Simulation {
             simulator,
             start,
             index_to_first_beam_ns: (index_to_first_beam_s * 1e9).round() as i64,
             sides,
+            origin,
             fault: None,
         }
     }
 
     /// Ends the files beside the scans.
-    fn finish(self) -> anyhow::Result<()> {
+    pub(super) fn finish(self) -> anyhow::Result<()> {
         match self.fault {
             Some(fault) => Err(fault),
             None => self.sides.finish(),
@@ -46,6 +52,12 @@ impl Simulation {
 }
 
 impl Source for Simulation {
+    fn began(&mut self, now_ns: i64) {
+        if let Some(origin) = &self.origin {
+            origin.begin(now_ns);
+        }
+    }
+
     fn next(
         &mut self,
         mode: ScanMode,
@@ -79,6 +91,24 @@ impl Source for Simulation {
     }
 }
 
+impl crate::hokuyo::emulator::Source for Simulation {
+    fn next(&mut self, scan: &mut Scan) -> Option<(i64, i64)> {
+        if self.fault.is_some() {
+            return None;
+        }
+        let step = self.simulator.advance()?;
+        scan.clone_from(&step.scan);
+        if let Err(fault) = self.sides.write(step) {
+            self.fault = Some(fault);
+            return None;
+        }
+        let complete = step.complete;
+        let sweep_ns = (self.simulator.scanner().sweep_s() * 1e9).round() as i64;
+        let end_ns = complete - self.start + self.index_to_first_beam_ns;
+        Some((end_ns - sweep_ns - self.index_to_first_beam_ns, end_ns))
+    }
+}
+
 /// Either of them.
 pub enum View {
     /// A simulation.
@@ -108,6 +138,13 @@ impl View {
 }
 
 impl Source for View {
+    fn began(&mut self, now_ns: i64) {
+        match self {
+            View::Simulation(simulation) => simulation.began(now_ns),
+            View::Recording(recording) => recording.began(now_ns),
+        }
+    }
+
     fn next(
         &mut self,
         mode: ScanMode,

@@ -6,8 +6,18 @@
 //! [`faults`](super::faults). No client can hold up another or make memory grow: a slow one loses
 //! whole messages with data, and one that does not read its replies is not read from.
 
+mod device;
+mod line;
+mod time;
+mod wire;
+
+pub use device::{Device, LineId, Message, Outbox};
+pub use wire::Serial;
+
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
 use super::{Connection, HostInstant, LinkError, Pty};
+use device::Order;
+use line::Line;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::collections::VecDeque;
 use std::fmt;
@@ -16,184 +26,9 @@ use std::net::{SocketAddr, TcpListener};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use time::{Time, nanoseconds};
+use wire::{Wire, is_deaf};
 
-/// One client's line, by number; a number is never used twice.
-pub type LineId = u64;
-
-/// A device without its lines. All times are nanoseconds of true time since the emulation's start.
-pub trait Device {
-    /// A client came to the service of this number (in the order in which they were added).
-    fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {}
-    /// It left.
-    fn disconnected(&mut self, _line: LineId) {}
-    /// Bytes came.
-    fn input(&mut self, line: LineId, bytes: &[u8], now_ns: i64, out: &mut Outbox);
-    /// Does what is due by now.
-    fn advance(&mut self, now_ns: i64, out: &mut Outbox);
-    /// When [`Device::advance`] is to be called next; none: not before something else happens.
-    fn due_ns(&self) -> Option<i64>;
-    /// Time to work ahead, so that what is due next is ready then.
-    fn prepare(&mut self) {}
-    /// The device restarts now and needs so long for it; its lines are gone.
-    fn restart(&mut self, _now_ns: i64, _boot: Duration) {}
-    /// Whether the time until what is due next may be passed over when time is as fast as can be.
-    fn hurries(&self) -> bool {
-        true
-    }
-    /// Nothing will come any more.
-    fn ended(&self) -> bool {
-        false
-    }
-}
-
-/// What a device wants done.
-#[derive(Debug, Default)]
-pub struct Outbox {
-    bytes: Vec<u8>,
-    orders: Vec<Order>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Order {
-    Send {
-        line: LineId,
-        what: Message,
-        end: usize,
-    },
-    Close(LineId),
-    Restart(Duration),
-}
-
-/// What is sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Message {
-    /// An answer.
-    Reply,
-    /// Data that was asked for.
-    Polled,
-    /// Data that comes by itself.
-    Data,
-}
-
-impl Outbox {
-    /// Sends an answer: never damaged, never lost to a full buffer.
-    pub fn reply(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Reply);
-    }
-
-    /// Sends data (a scan, a sample) that comes by itself: the faults damage it, slow clients lose it.
-    pub fn data(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Data);
-    }
-
-    /// Sends data that a client asked for: the faults damage it, but it is never lost to a full
-    /// buffer.
-    pub fn polled(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Polled);
-    }
-
-    /// Closes a line once what was said before has gone.
-    pub fn close(&mut self, line: LineId) {
-        self.orders.push(Order::Close(line));
-    }
-
-    /// The device restarts, once what was said before has gone.
-    pub fn restart(&mut self, boot: Duration) {
-        self.orders.push(Order::Restart(boot));
-    }
-
-    /// What has been sent to whom, for whoever runs a device without lines.
-    pub fn take(&mut self) -> Vec<(LineId, Message, Vec<u8>)> {
-        let mut sent = Vec::new();
-        let mut start = 0;
-        for order in self.orders.drain(..) {
-            if let Order::Send { line, what, end } = order {
-                let bytes = self.bytes.get(start..end).unwrap_or_default();
-                sent.push((line, what, bytes.to_vec()));
-                start = end;
-            }
-        }
-        self.bytes.clear();
-        sent
-    }
-
-    fn send(&mut self, line: LineId, bytes: &[u8], what: Message) {
-        self.bytes.extend_from_slice(bytes);
-        let end = self.bytes.len();
-        self.orders.push(Order::Send { line, what, end });
-    }
-}
-
-/// How time goes.
-#[derive(Clone, Copy, Debug)]
-struct Time {
-    start: HostInstant,
-    /// Seconds a second; none: as fast as can be.
-    speed: Option<f64>,
-    /// Time passed over, ns.
-    skipped_ns: i64,
-}
-
-impl Time {
-    fn now_ns(&self) -> i64 {
-        // True time runs evenly: no time server slews this clock.
-        let elapsed_ns = HostInstant::now().raw_ns - self.start.raw_ns;
-        match self.speed {
-            Some(1.0) => elapsed_ns,
-            Some(speed) => (elapsed_ns as f64 * speed) as i64,
-            None => elapsed_ns + self.skipped_ns,
-        }
-    }
-
-    /// The host's time until an instant.
-    fn until(&self, t_ns: i64) -> Duration {
-        let left_ns = t_ns.saturating_sub(self.now_ns()).max(0) as f64;
-        Duration::from_secs_f64(left_ns * 1e-9 / self.speed.unwrap_or(1.0))
-    }
-
-    fn pass_over_to(&mut self, t_ns: i64) {
-        if self.speed.is_none() {
-            self.skipped_ns += t_ns.saturating_sub(self.now_ns()).max(0);
-        }
-    }
-}
-
-fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
-
-/// Where clients come in.
-enum Door {
-    Tcp(TcpListener),
-    /// A pseudo terminal has one line, which is always open.
-    Pty,
-}
-
-struct Line {
-    id: LineId,
-    connection: Connection,
-    damage: Damage,
-    /// Bytes that wait, and how many of them have gone.
-    queue: Vec<u8>,
-    gone: usize,
-    /// Where in `queue` whole messages with data end.
-    ends: VecDeque<usize>,
-    /// A serial port's speed, bytes a second.
-    bytes_per_s: Option<f64>,
-    /// When the serial port has sent what it was given, ns.
-    busy_until_ns: i64,
-    /// Messages lost to a full queue.
-    crowded_out: u64,
-    /// Nothing more is said; the line closes once the queue is empty.
-    closing: bool,
-    /// A pseudo terminal outlives its clients.
-    lasting: bool,
-}
-
-/// Data waits up to this many bytes; one message always may.
-const ROOM: usize = 256 << 10;
-/// The same on a serial line.
-const SERIAL_ROOM: usize = 8 << 10;
 /// With more than this waiting, a client is not read from.
 const UNREAD: usize = 64 << 10;
 /// The longest wait between two looks at whether to stop.
@@ -202,85 +37,22 @@ const NAP: Duration = Duration::from_millis(20);
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Clients at a time; further ones are turned away.
 const MOST_LINES: usize = 64;
-/// The most that is written to a pseudo terminal at a time on a paced line, s.
-const PACED_S: f64 = 0.002;
 
-impl Line {
-    fn waiting(&self) -> usize {
-        self.queue.len() - self.gone
-    }
+/// Where clients come in.
+enum Door {
+    Tcp(TcpListener),
+    /// A pseudo terminal has one line, which is always open.
+    Pty,
+}
 
-    fn room(&self) -> usize {
-        if self.bytes_per_s.is_some() || self.lasting {
-            SERIAL_ROOM
-        } else {
-            ROOM
-        }
-    }
-
-    fn enqueue(&mut self, bytes: &[u8], what: Message) {
-        if self.closing {
-            return;
-        }
-        if what == Message::Reply {
-            self.queue.extend_from_slice(bytes);
-            return;
-        }
-        let may_lose = what == Message::Data && self.waiting() > 0;
-        if may_lose && self.waiting() + bytes.len() > self.room() {
-            self.crowded_out += 1;
-            return;
-        }
-        if self.damage.message(bytes, &mut self.queue) {
-            self.ends.push_back(self.queue.len());
-        }
-    }
-
-    /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
-    fn lose_queue(&mut self) {
-        let lost = self.ends.iter().filter(|end| **end > self.gone).count();
-        self.damage.lose(lost as u64);
-        self.queue.clear();
-        self.ends.clear();
-        self.gone = 0;
-    }
-
-    /// Sends what the line takes now.
-    fn send(&mut self, now_ns: i64) -> Result<(), LinkError> {
-        while self.waiting() > 0 {
-            let mut piece = self.damage.piece(self.waiting());
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                if self.busy_until_ns > now_ns {
-                    break;
-                }
-                piece = piece.min((bytes_per_s * PACED_S).ceil() as usize);
-            }
-            let bytes = self.queue.get(self.gone..self.gone + piece);
-            let sent = self.connection.write_some(bytes.unwrap_or_default())?;
-            if sent == 0 {
-                break;
-            }
-            self.gone += sent;
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                let begun_ns = self.busy_until_ns.max(now_ns - 5_000_000);
-                self.busy_until_ns = begun_ns + (sent as f64 / bytes_per_s * 1e9) as i64;
-            }
-        }
-        while self.ends.front().is_some_and(|end| *end <= self.gone) {
-            self.ends.pop_front();
-        }
-        if self.waiting() == 0 {
-            self.queue.clear();
-            self.gone = 0;
-        } else if self.gone > ROOM {
-            self.queue.drain(..self.gone);
-            for end in &mut self.ends {
-                *end -= self.gone;
-            }
-            self.gone = 0;
-        }
-        Ok(())
-    }
+/// A pseudo terminal that is unplugged, to come back.
+struct Unplugged {
+    id: LineId,
+    link: PathBuf,
+    damage: Damage,
+    wire: Option<Wire>,
+    crowded_out: u64,
+    back_ns: i64,
 }
 
 /// What an emulation has done.
@@ -324,6 +96,7 @@ pub struct Emulation {
     conditions: Conditions,
     doors: Vec<Door>,
     lines: Vec<Line>,
+    unplugged: Vec<Unplugged>,
     next_line: LineId,
     mishaps: VecDeque<TimedFault>,
     stalled_until_ns: i64,
@@ -342,15 +115,12 @@ impl Emulation {
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
-            time: Time {
-                start: HostInstant::now(),
-                speed: conditions.speed,
-                skipped_ns: 0,
-            },
+            time: Time::new(conditions.speed),
             mishaps: conditions.faults.timed.iter().copied().collect(),
             conditions,
             doors: Vec::new(),
             lines: Vec::new(),
+            unplugged: Vec::new(),
             next_line: 0,
             stalled_until_ns: i64::MIN,
             dark_until_ns: i64::MIN,
@@ -380,6 +150,20 @@ impl Emulation {
         link: &Path,
         baud: Option<u32>,
     ) -> Result<PathBuf, LinkError> {
+        let serial = Serial {
+            baud,
+            ..Serial::default()
+        };
+        self.open_serial(device, link, serial)
+    }
+
+    /// The same with everything that a serial line can be.
+    pub fn open_serial(
+        &mut self,
+        device: &mut impl Device,
+        link: &Path,
+        serial: Serial,
+    ) -> Result<PathBuf, LinkError> {
         let pty = Pty::open_as(link).map_err(|error| LinkError::Open {
             place: link.display().to_string(),
             reason: super::connection::plain(&error),
@@ -387,15 +171,21 @@ impl Emulation {
         let path = pty.path().to_owned();
         let service = self.doors.len();
         self.doors.push(Door::Pty);
-        let id = self.add(Connection::from_pty(pty), baud, true);
+        let connection = Connection::from_pty(pty);
+        let id = self.add(connection, Wire::new(serial), Some(link.to_owned()));
         device.connected(id, service, self.time.now_ns());
         Ok(path)
     }
 
-    fn add(&mut self, connection: Connection, baud: Option<u32>, lasting: bool) -> LineId {
+    fn add(
+        &mut self,
+        connection: Connection,
+        wire: Option<Wire>,
+        lasting: Option<PathBuf>,
+    ) -> LineId {
         let id = self.next_line;
         self.next_line += 1;
-        self.account.clients += u64::from(!lasting);
+        self.account.clients += u64::from(lasting.is_none());
         self.lines.push(Line {
             id,
             connection,
@@ -403,8 +193,7 @@ impl Emulation {
             queue: Vec::new(),
             gone: 0,
             ends: VecDeque::new(),
-            bytes_per_s: baud.map(|baud| f64::from(baud) / 10.0),
-            busy_until_ns: i64::MIN,
+            wire,
             crowded_out: 0,
             closing: false,
             lasting,
@@ -434,6 +223,7 @@ impl Emulation {
                 device.advance(now_ns, &mut out);
             }
             self.deliver(device, &mut out);
+            self.follow_baud(device);
             self.send(device);
             device.prepare();
         }
@@ -453,7 +243,7 @@ impl Emulation {
         let mut wait = NAP;
         if let Some(due_ns) = due_ns {
             let drained = self.lines.iter().all(|line| line.waiting() == 0);
-            if self.time.speed.is_none() && drained && device.hurries() {
+            if self.time.is_free() && drained && device.hurries() {
                 let mishap_ns = self.mishaps.front().map(|fault| nanoseconds(fault.at));
                 self.time
                     .pass_over_to(due_ns.min(mishap_ns.unwrap_or(i64::MAX)));
@@ -468,9 +258,11 @@ impl Emulation {
                 wait = wait.min(self.time.until(until_ns));
             }
         }
-        let paced = self.lines.iter().filter(|line| line.waiting() > 0);
-        for line in paced.filter(|line| line.busy_until_ns > now_ns) {
-            wait = wait.min(self.time.until(line.busy_until_ns));
+        for due_ns in self.lines.iter().filter_map(Line::wire_due_ns) {
+            wait = wait.min(self.time.until(due_ns));
+        }
+        for away in &self.unplugged {
+            wait = wait.min(self.time.until(away.back_ns));
         }
         if self.is_dark(now_ns) {
             std::thread::sleep(wait);
@@ -481,7 +273,7 @@ impl Emulation {
         for line in &self.lines {
             let mut what = PollFlags::empty();
             what.set(PollFlags::IN, line.waiting() <= UNREAD && !line.closing);
-            let may_send = !silent && line.busy_until_ns <= now_ns;
+            let may_send = !silent && line.wire_due_ns().is_none_or(|due_ns| due_ns <= now_ns);
             what.set(PollFlags::OUT, line.waiting() > 0 && may_send);
             if let Some(line) = line.connection.waitable() {
                 waited.push((line, what));
@@ -536,7 +328,7 @@ impl Emulation {
                     connection.reset();
                     continue;
                 }
-                let id = self.add(connection, None, false);
+                let id = self.add(connection, None, None);
                 device.connected(id, service, now_ns);
             }
         }
@@ -559,8 +351,10 @@ impl Emulation {
                 Ok(None) => {}
                 Ok(Some(received)) => {
                     let bytes = buffer.get(..received.bytes).unwrap_or_default();
-                    // A pseudo terminal of a device that is down hears nothing.
-                    if now_ns >= self.down_until_ns {
+                    // A pseudo terminal of a device that is down hears nothing, nor does one that
+                    // is spoken to at another speed.
+                    let deaf = is_deaf(line.wire.as_ref(), &line.connection);
+                    if now_ns >= self.down_until_ns && !deaf {
                         device.input(line.id, bytes, self.time.now_ns(), out);
                     }
                 }
@@ -637,6 +431,7 @@ impl Emulation {
             self.dark_until_ns = i64::MIN;
             self.break_off(device);
         }
+        self.plug_in(now_ns);
         while let Some(fault) = self.mishaps.front().copied() {
             if nanoseconds(fault.at) > now_ns {
                 return;
@@ -650,7 +445,62 @@ impl Emulation {
                     self.lines.iter_mut().for_each(Line::lose_queue);
                 }
                 Mishap::Reboot(lasts) => self.restart(device, lasts),
+                Mishap::Unplug(lasts) => self.unplug(now_ns + nanoseconds(lasts)),
             }
+        }
+    }
+
+    /// Pulls every pseudo terminal: its link is gone and whoever has it open reads an error. The device
+    /// talks on into nothing.
+    fn unplug(&mut self, back_ns: i64) {
+        for mut line in std::mem::take(&mut self.lines) {
+            let Some(link) = line.lasting.clone() else {
+                self.lines.push(line);
+                continue;
+            };
+            line.lose_queue();
+            self.unplugged.push(Unplugged {
+                id: line.id,
+                link,
+                damage: line.damage,
+                wire: line.wire,
+                crowded_out: line.crowded_out,
+                back_ns,
+            });
+        }
+    }
+
+    /// Brings back what was unplugged for long enough.
+    fn plug_in(&mut self, now_ns: i64) {
+        for away in std::mem::take(&mut self.unplugged) {
+            let opened = (away.back_ns <= now_ns).then(|| Pty::open_as(&away.link));
+            let Some(Ok(pty)) = opened else {
+                // Where the link's place is taken, it is tried again.
+                self.unplugged.push(away);
+                continue;
+            };
+            let id = self.add(Connection::from_pty(pty), away.wire, Some(away.link));
+            if let Some(line) = self.lines.iter_mut().find(|line| line.id == id) {
+                line.id = away.id;
+                line.damage = away.damage;
+                line.crowded_out = away.crowded_out;
+            }
+        }
+    }
+
+    /// Lets the serial lines go at the device's speed.
+    fn follow_baud(&mut self, device: &impl Device) {
+        let Some(baud) = device.baud() else {
+            return;
+        };
+        let away = self.unplugged.iter_mut().map(|away| &mut away.wire);
+        let wires = self.lines.iter_mut().map(|line| &mut line.wire).chain(away);
+        for wire in wires
+            .flatten()
+            .filter(|wire| wire.serial.baud != Some(baud))
+        {
+            wire.serial.baud = Some(baud);
+            wire.bytes_per_s = f64::from(baud) / 10.0;
         }
     }
 
@@ -659,8 +509,10 @@ impl Emulation {
         for line in &mut self.lines {
             line.lose_queue();
         }
-        let (lasting, gone): (Vec<Line>, Vec<Line>) =
-            self.lines.drain(..).partition(|line| line.lasting);
+        let (lasting, gone): (Vec<Line>, Vec<Line>) = self
+            .lines
+            .drain(..)
+            .partition(|line| line.lasting.is_some());
         self.lines = lasting;
         for line in gone {
             self.account.losses.add(&line.damage.losses());
@@ -692,5 +544,108 @@ impl Emulation {
             self.account.crowded_out += line.crowded_out + unsent as u64;
             line.connection.end();
         }
+        for away in std::mem::take(&mut self.unplugged) {
+            self.account.losses.add(&away.damage.losses());
+            self.account.crowded_out += away.crowded_out;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Shutdown;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    const WAIT: Duration = Duration::from_secs(20);
+
+    /// Sends back what it hears, in capitals, and ends at a full stop.
+    #[derive(Default)]
+    struct Parrot {
+        clients: usize,
+        ended: bool,
+    }
+
+    impl Device for Parrot {
+        fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {
+            self.clients += 1;
+        }
+        fn input(&mut self, line: LineId, bytes: &[u8], _now_ns: i64, out: &mut Outbox) {
+            out.reply(line, &bytes.to_ascii_uppercase());
+            self.ended |= bytes.contains(&b'.');
+        }
+        fn advance(&mut self, _now_ns: i64, _out: &mut Outbox) {}
+        fn due_ns(&self) -> Option<i64> {
+            None
+        }
+        fn ended(&self) -> bool {
+            self.ended
+        }
+    }
+
+    fn hear(line: &mut Connection, count: usize) -> Vec<u8> {
+        let mut heard = Vec::new();
+        let mut buffer = [0; 64];
+        while heard.len() < count {
+            let received = line.read(&mut buffer, WAIT).unwrap().unwrap();
+            heard.extend_from_slice(&buffer[..received.bytes]);
+        }
+        heard
+    }
+
+    #[test]
+    fn a_device_is_heard_on_sockets_and_ptys_and_ends_in_order() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let mut device = Parrot::default();
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let name = format!("cablepose-parrot-{}", std::process::id());
+        let link = std::env::temp_dir().join(name);
+        emulation.open_pty(&mut device, &link, None).unwrap();
+        let talk = std::thread::spawn(move || {
+            let open = |place: &str| {
+                let place = place.parse().unwrap();
+                Connection::open(&place, 0, 115_200, WAIT).unwrap()
+            };
+            let mut socket = open(&address.to_string());
+            let mut serial = open(link.to_str().unwrap());
+            serial.write_all(b"polly", WAIT).unwrap();
+            assert_eq!(hear(&mut serial, 5), b"POLLY");
+            socket.write_all(b"cracker.", WAIT).unwrap();
+            assert_eq!(hear(&mut socket, 8), b"CRACKER.");
+            let end = socket.read(&mut [0; 8], WAIT);
+            assert!(matches!(end, Err(LinkError::Closed { .. })));
+        });
+        let account = emulation.run(&mut device, || false).unwrap();
+        talk.join().unwrap();
+        assert_eq!((account.clients, device.clients), (1, 2));
+    }
+
+    #[test]
+    fn who_reads_no_answers_is_not_read_from() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let stuck = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let stream = std::net::TcpStream::connect(address).unwrap();
+                let mut line = Connection::from_stream(stream.try_clone().unwrap()).unwrap();
+                // Answers come back until every buffer on the way is full.
+                while line
+                    .write_all(&[b'x'; 65_536], Duration::from_millis(300))
+                    .is_ok()
+                {}
+                stuck.store(true, Ordering::Relaxed);
+                stream.shutdown(Shutdown::Both).unwrap();
+            });
+            let account = emulation.run(&mut Parrot::default(), || stuck.load(Ordering::Relaxed));
+            assert_eq!(account.unwrap().clients, 1);
+        });
+        assert!(stuck.load(Ordering::Relaxed));
     }
 }
