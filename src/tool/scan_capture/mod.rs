@@ -6,7 +6,9 @@
 //! - [`sick`] the one that speaks to a SICK scanner
 //! - [`hokuyo`] the one that speaks to a Hokuyo
 //! - [`replay`] recordings
+//! - [`angle_jitter`] the model of a motor's jitter, read and learned
 
+mod angle_jitter;
 mod args;
 mod hokuyo;
 mod live;
@@ -14,6 +16,8 @@ mod replay;
 mod sick;
 
 pub use args::Args;
+
+use args::AngleJitterArg;
 
 use crate::frame::Frame;
 use crate::sick::replay::Settings;
@@ -33,6 +37,11 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     };
     if let Some(path) = &args.frame {
         options.configuration = Some(apply_frame(path, &mut settings)?);
+    }
+    match &args.angle_jitter {
+        AngleJitterArg::Off => {}
+        AngleJitterArg::Learn => return angle_jitter::learn(&args, settings),
+        AngleJitterArg::Model(path) => settings.angle_jitter = Some(angle_jitter::read(path)?),
     }
     if !args.replay.is_empty() {
         return replay::run(&args, options, settings);
