@@ -150,9 +150,12 @@ fn it_is_pulled_out_and_comes_back() {
         .map(|p| p[1] - p[0])
         .filter(|d| *d != 1.0)
         .collect();
-    assert_eq!(gaps.len(), 1, "{gaps:?}");
-    // 19.66 ms a sample; 700 ms and the reopening.
-    assert!(gaps[0] > 30.0 && gaps[0] < 200.0, "{gaps:?}");
+    // 19.66 ms a sample; 700 ms and the reopening. Finding the unit again may cost some more.
+    let lost = gaps.iter().sum::<f64>() - gaps.len() as f64;
+    assert!(
+        gaps.iter().any(|gap| *gap > 30.0) && lost < 200.0,
+        "{gaps:?}"
+    );
 }
 
 fn poses(text: &Ended) -> Vec<(String, Vec<f64>)> {
