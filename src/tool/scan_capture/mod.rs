@@ -5,10 +5,13 @@
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
 //! - [`hokuyo`] the one that speaks to a Hokuyo
+//! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
 //! - [`replay`] recordings
 
 mod args;
+mod configure;
 mod hokuyo;
+mod info;
 mod live;
 mod replay;
 mod sick;
@@ -18,6 +21,8 @@ pub use args::Args;
 use crate::frame::Frame;
 use crate::sick::replay::Settings;
 use crate::stream::{Outcome, Stop};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::path::Path;
 
 /// The tool's name.
@@ -25,7 +30,16 @@ const NAME: &str = "scan-capture";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    match &args.command {
+        Some(args::Command::Info(args)) => return info::info(args),
+        Some(args::Command::List(args)) => return info::list(args),
+        None => {}
+    }
     args.check()?;
+    let plan = args.configure.plan()?;
+    if let Some(plan) = plan.as_ref().filter(|_| args.configure.dry_run) {
+        return plan.print();
+    }
     let mut options = args.common.options(NAME)?;
     let mut settings = Settings {
         epoch: args.epoch,
@@ -39,15 +53,12 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let stop = Stop::install()?;
     let capture = live::Settings::of(&args)?;
-    let ending = crate::tool::ending::Ending::new(stop, &options);
-    let tee = crate::tool::tee::Tee::new(
-        NAME,
-        args.tee.as_deref(),
-        args.tee_rotate.unwrap_or_default(),
-    );
+    let ending = Ending::new(stop, &options);
+    let rotation = args.tee_rotate.unwrap_or_default();
+    let tee = Tee::new(NAME, args.tee.as_deref(), rotation);
     match args.live.kind {
         args::DeviceKind::Sick => {
-            let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
+            let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
             live::run(scanner, &capture, options, &ending, &tee)
         }
         args::DeviceKind::Hokuyo => {
