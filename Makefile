@@ -67,7 +67,17 @@ golden:
 .PHONY: bench
 bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
-	$(CARGO) bench --locked --benches
+	$(CARGO) bench --locked --bench streams --bench lines --bench decode
+
+## clock-table: errors of clock fits and trajectory delays on simulated runs, beside the goals (an error where one is missed)
+.PHONY: clock-table
+clock-table:
+	@$(CARGO) bench --locked --bench clock
+
+## clock-loopback: errors of clock fits against an emulated scanner on the loopback, idle and under load (4 minutes)
+.PHONY: clock-loopback
+clock-loopback:
+	@$(CARGO) bench --locked --bench clock_loopback
 
 ## interop: other people's MCAP readers (Python, from PyPI) read what these programs write
 .PHONY: interop
@@ -92,13 +102,13 @@ accuracy: build
 install: build
 	$(INSTALL) -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/man/man7
 	$(INSTALL) -m 755 $(TOOLS:%=$(TARGET)/release/%) $(DESTDIR)$(PREFIX)/bin/
-	$(INSTALL) -m 644 $(TOOLS:%=man/%.1) $(DESTDIR)$(PREFIX)/share/man/man1/
+	$(INSTALL) -m 644 $(wildcard man/*.1) $(DESTDIR)$(PREFIX)/share/man/man1/
 	$(INSTALL) -m 644 man/cablepose.7 $(DESTDIR)$(PREFIX)/share/man/man7/
 
 ## uninstall: removes what install put there
 .PHONY: uninstall
 uninstall:
-	rm -f $(TOOLS:%=$(DESTDIR)$(PREFIX)/bin/%) $(TOOLS:%=$(DESTDIR)$(PREFIX)/share/man/man1/%.1) \
+	rm -f $(TOOLS:%=$(DESTDIR)$(PREFIX)/bin/%) $(patsubst man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard man/*.1)) \
 		$(DESTDIR)$(PREFIX)/share/man/man7/cablepose.7
 
 ## clean: removes everything that was built
@@ -109,6 +119,6 @@ clean:
 ## help: this list
 .PHONY: help
 help:
-	@sed -n 's/^## \([a-z]*\): */\1\t/p' Makefile | while IFS=$$'\t' read -r target what; do
-		printf '  make %-12s %s\n' "$$target" "$$what"
+	@sed -n 's/^## \([a-z-]*\): */\1\t/p' Makefile | while IFS=$$'\t' read -r target what; do
+		printf '  make %-15s %s\n' "$$target" "$$what"
 	done

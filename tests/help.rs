@@ -39,6 +39,19 @@ fn examples(help: &str) -> Vec<String> {
 fn a_small_run(name: &str) -> PathBuf {
     let dir = scratch(name);
     std::fs::copy(testdata("lms511.cola"), dir.join("run.cola")).unwrap();
+    if name == "help-timesync" {
+        // A log of exchanges with a clock 20 ppm fast, and poses of a platform there and back.
+        let log = r#"awk 'BEGIN { print "host_send_ns,device_ns,host_receive_ns"; for (k = 0; k < 400; k++) {
+            s = k * 28571429; a = 150000 + (k * 7919) % 300000; b = 150000 + (k * 104729) % 500000
+            printf "1700000%012d,%.0f,1700000%012d\n", s, int((s + a) * 1.00002) + 3200000000, s + a + b
+            } }' > exchanges.csv"#;
+        let run = "simulate -f frame.toml --trajectory loop --lag 20ms --format mcap -o loop.mcap";
+        let poses = "extract-lines -f frame.toml loop.mcap | solve-pose -f frame.toml --format csv \
+                     > measured.csv";
+        for stage in [log, run, poses] {
+            sh(&dir, stage).expect(0);
+        }
+    }
     if name == "help-imu-read" {
         peer::record(&dir.join("run.gx1"), 200);
         std::fs::copy(dir.join("run.gx1"), dir.join("bare.gx1")).unwrap();
@@ -100,6 +113,11 @@ fn the_examples_of_report_run() {
 #[test]
 fn the_examples_of_scan_capture_run() {
     run_examples("scan-capture");
+}
+
+#[test]
+fn the_examples_of_timesync_run() {
+    run_examples("timesync");
 }
 
 #[test]

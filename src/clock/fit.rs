@@ -180,14 +180,18 @@ pub fn fit(exchanges: &[Exchange], settings: &FitSettings) -> Result<ClockFit, F
     }
     let origin = Origin::of(first);
     let tick_ns = settings.tick_ns.unwrap_or_else(|| tick_ns(exchanges));
-    let samples = origin.samples(exchanges, tick_ns);
+    let mut samples = origin.samples(exchanges, tick_ns);
     let two_way = settings.method != Method::OneWay;
-    let void = two_way && stamps_void(&samples);
+    let void = two_way && stamps_void(&samples, tick_ns);
     let method = if void {
         Method::OneWay
     } else {
         settings.method
     };
+    if method == Method::OneWay {
+        // The answers' line rests on stamps that were cut least: there nothing is missing.
+        samples = origin.samples(exchanges, 0.0);
+    }
     let too_few = FitError::TooFew {
         found: exchanges.len(),
         needed: LEAST,
@@ -272,7 +276,8 @@ fn tick_ns(exchanges: &[Exchange]) -> f64 {
 
 /// Whether the device's stamps precede the requests: within a second, where no clock drifts, a stamp
 /// lies further before its arrival than another one after its request. Most seconds must show it.
-fn stamps_void(samples: &[Sample]) -> bool {
+/// Stamps cut to whole ticks may seem to do so by one tick.
+fn stamps_void(samples: &[Sample], tick_ns: f64) -> bool {
     let (mut void, mut seconds) = (0, 0);
     for second in samples.chunk_by(|a, b| a.x_s.floor() == b.x_s.floor()) {
         let least = |value: fn(&Sample) -> f64| {
@@ -280,7 +285,7 @@ fn stamps_void(samples: &[Sample]) -> bool {
             values.fold(f64::INFINITY, f64::min)
         };
         seconds += 1;
-        void += usize::from(least(|s| s.ask_ns) + least(|s| s.reply_ns) < -VOID_NS);
+        void += usize::from(least(|s| s.ask_ns) + least(|s| s.reply_ns) < -VOID_NS - tick_ns);
     }
     2 * void > seconds
 }

@@ -127,6 +127,22 @@ fn stamps_before_their_requests_are_not_trusted() {
 }
 
 #[test]
+fn coarse_stamps_are_no_bias() {
+    // A calendar that counts whole milliseconds, more than a round trip.
+    let model = ExchangeModel {
+        tick_ns: 1_000_000,
+        ..ExchangeModel::default()
+    };
+    let found = fit_of(&model, 0, Method::Hull);
+    assert_eq!(found.verdict, Verdict::TwoWay);
+    let (off_ns, _) = errors(&found.line, &model);
+    assert!(off_ns.abs() < 30e3, "{off_ns}");
+    let found = fit_of(&model, 0, Method::OneWay);
+    let (off_ns, _) = errors(&found.line, &model);
+    assert!((-250e3..-100e3).contains(&off_ns), "{off_ns}");
+}
+
+#[test]
 fn a_changing_rate_is_followed_in_pieces() {
     let model = ExchangeModel {
         wander_ppm: 10.0,

@@ -24,6 +24,7 @@ pub mod attitude;
 pub mod command;
 pub mod conventions;
 pub mod eeprom;
+pub mod emulator;
 pub mod framer;
 pub mod pace;
 pub mod packet;

@@ -201,6 +201,14 @@ impl Connection {
         }
     }
 
+    /// The speed that whoever has the other end of a pseudo terminal has set; none for other lines.
+    pub fn peer_baud(&self) -> Option<u32> {
+        match &self.transport {
+            Transport::Pty(pty) => pty.baud(),
+            _ => None,
+        }
+    }
+
     /// Host and port, or the serial port, for messages.
     pub fn place(&self) -> &str {
         &self.place

@@ -7,7 +7,7 @@
 //! whole messages with data, and one that does not read its replies is not read from.
 
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
-use super::{Connection, LinkError, Pty};
+use super::{Connection, HostInstant, LinkError, Pty};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::collections::VecDeque;
 use std::fmt;
@@ -36,6 +36,10 @@ pub trait Device {
     fn prepare(&mut self) {}
     /// The device restarts now and needs so long for it; its lines are gone.
     fn restart(&mut self, _now_ns: i64, _boot: Duration) {}
+    /// The speed at which it talks on a serial line now; none: that which the line was opened with.
+    fn baud(&self) -> Option<u32> {
+        None
+    }
     /// Whether the time until what is due next may be passed over when time is as fast as can be.
     fn hurries(&self) -> bool {
         true
@@ -127,7 +131,7 @@ impl Outbox {
 /// How time goes.
 #[derive(Clone, Copy, Debug)]
 struct Time {
-    start: Instant,
+    start: HostInstant,
     /// Seconds a second; none: as fast as can be.
     speed: Option<f64>,
     /// Time passed over, ns.
@@ -136,11 +140,12 @@ struct Time {
 
 impl Time {
     fn now_ns(&self) -> i64 {
-        let elapsed = self.start.elapsed();
+        // True time runs evenly: no time server slews this clock.
+        let elapsed_ns = HostInstant::now().raw_ns - self.start.raw_ns;
         match self.speed {
-            Some(1.0) => nanoseconds(elapsed),
-            Some(speed) => (elapsed.as_secs_f64() * speed * 1e9) as i64,
-            None => nanoseconds(elapsed) + self.skipped_ns,
+            Some(1.0) => elapsed_ns,
+            Some(speed) => (elapsed_ns as f64 * speed) as i64,
+            None => elapsed_ns + self.skipped_ns,
         }
     }
 
@@ -168,6 +173,109 @@ enum Door {
     Pty,
 }
 
+/// A serial line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Serial {
+    /// Its speed (8N1: ten bits a byte); none: as fast as can be.
+    pub baud: Option<u32>,
+    /// An adapter collects what comes and hands it over every so often (FTDI's latency timer: 16 ms);
+    /// zero: a plain port.
+    pub adapter: Duration,
+    /// Whoever listens at another speed hears garbage and is not heard.
+    pub strict: bool,
+}
+
+/// The wire behind a pseudo terminal: when which byte has come over.
+#[derive(Clone, Copy, Debug)]
+struct Wire {
+    serial: Serial,
+    bytes_per_s: f64,
+    /// When the first waiting byte began to go out, ns; none: nothing waits.
+    begun_ns: Option<i64>,
+    /// State of the garbage.
+    noise: u64,
+}
+
+impl Wire {
+    fn new(serial: Serial) -> Option<Wire> {
+        Some(Wire {
+            serial,
+            bytes_per_s: f64::from(serial.baud?) / 10.0,
+            begun_ns: None,
+            noise: 0x9E37_79B9_7F4A_7C15,
+        })
+    }
+
+    fn duration_ns(&self, bytes: usize) -> i64 {
+        (bytes as f64 / self.bytes_per_s * 1e9).ceil() as i64
+    }
+
+    /// Bytes that are handed over in one piece without an adapter.
+    fn piece(&self, waiting: usize) -> usize {
+        waiting.min((self.bytes_per_s * PACED_S).ceil() as usize)
+    }
+
+    /// How many of `waiting` bytes may be handed over now.
+    fn ready(&mut self, waiting: usize, now_ns: i64) -> usize {
+        let begun_ns = *self.begun_ns.get_or_insert(now_ns);
+        let adapter_ns = nanoseconds(self.serial.adapter);
+        let at_ns = if adapter_ns > 0 {
+            now_ns.div_euclid(adapter_ns) * adapter_ns
+        } else {
+            now_ns
+        };
+        let gone = ((at_ns - begun_ns) as f64 * 1e-9 * self.bytes_per_s + 1e-6).floor();
+        let gone = (gone.max(0.0) as usize).min(waiting);
+        if adapter_ns > 0 || gone >= self.piece(waiting) {
+            gone
+        } else {
+            0
+        }
+    }
+
+    /// When to look again, with `waiting` bytes on the way.
+    fn due_ns(&self, waiting: usize) -> Option<i64> {
+        let begun_ns = self.begun_ns.filter(|_| waiting > 0)?;
+        let adapter_ns = nanoseconds(self.serial.adapter);
+        if adapter_ns > 0 {
+            let first_ns = begun_ns + self.duration_ns(1);
+            return Some((first_ns + adapter_ns - 1).div_euclid(adapter_ns) * adapter_ns);
+        }
+        Some(begun_ns + self.duration_ns(self.piece(waiting)))
+    }
+
+    /// So many bytes were handed over, and so many still wait.
+    fn handed_over(&mut self, bytes: usize, waiting: usize) {
+        let duration_ns = bytes as f64 / self.bytes_per_s * 1e9;
+        self.begun_ns = self
+            .begun_ns
+            .filter(|_| waiting > 0)
+            .map(|begun_ns| begun_ns + duration_ns.round() as i64);
+    }
+
+    /// What a listener at the wrong speed hears of `count` bytes.
+    fn garbage(&mut self, count: usize) -> Vec<u8> {
+        let mut heard = vec![0; count];
+        for byte in &mut heard {
+            self.noise ^= self.noise << 13;
+            self.noise ^= self.noise >> 7;
+            self.noise ^= self.noise << 17;
+            *byte = (self.noise >> 32) as u8;
+        }
+        heard
+    }
+}
+
+/// A pseudo terminal that is unplugged, to come back.
+struct Unplugged {
+    id: LineId,
+    link: PathBuf,
+    damage: Damage,
+    wire: Option<Wire>,
+    crowded_out: u64,
+    back_ns: i64,
+}
+
 struct Line {
     id: LineId,
     connection: Connection,
@@ -177,16 +285,14 @@ struct Line {
     gone: usize,
     /// Where in `queue` whole messages with data end.
     ends: VecDeque<usize>,
-    /// A serial port's speed, bytes a second.
-    bytes_per_s: Option<f64>,
-    /// When the serial port has sent what it was given, ns.
-    busy_until_ns: i64,
+    /// What a serial port's bytes go over.
+    wire: Option<Wire>,
     /// Messages lost to a full queue.
     crowded_out: u64,
     /// Nothing more is said; the line closes once the queue is empty.
     closing: bool,
-    /// A pseudo terminal outlives its clients.
-    lasting: bool,
+    /// A pseudo terminal outlives its clients: the link that points to it.
+    lasting: Option<PathBuf>,
 }
 
 /// Data waits up to this many bytes; one message always may.
@@ -210,7 +316,7 @@ impl Line {
     }
 
     fn room(&self) -> usize {
-        if self.bytes_per_s.is_some() || self.lasting {
+        if self.wire.is_some() || self.lasting.is_some() {
             SERIAL_ROOM
         } else {
             ROOM
@@ -235,6 +341,11 @@ impl Line {
         }
     }
 
+    /// When bytes that wait have come over the wire, ns; none where they may go at once.
+    fn wire_due_ns(&self) -> Option<i64> {
+        self.wire.as_ref()?.due_ns(self.waiting())
+    }
+
     /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
     fn lose_queue(&mut self) {
         let lost = self.ends.iter().filter(|end| **end > self.gone).count();
@@ -242,27 +353,40 @@ impl Line {
         self.queue.clear();
         self.ends.clear();
         self.gone = 0;
+        if let Some(wire) = &mut self.wire {
+            wire.begun_ns = None;
+        }
     }
 
     /// Sends what the line takes now.
     fn send(&mut self, now_ns: i64) -> Result<(), LinkError> {
         while self.waiting() > 0 {
-            let mut piece = self.damage.piece(self.waiting());
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                if self.busy_until_ns > now_ns {
+            let waiting = self.waiting();
+            let mut piece = self.damage.piece(waiting);
+            if let Some(wire) = &mut self.wire {
+                piece = piece.min(wire.ready(waiting, now_ns));
+                if piece == 0 {
                     break;
                 }
-                piece = piece.min((bytes_per_s * PACED_S).ceil() as usize);
             }
             let bytes = self.queue.get(self.gone..self.gone + piece);
-            let sent = self.connection.write_some(bytes.unwrap_or_default())?;
+            let bytes = bytes.unwrap_or_default();
+            let deaf = is_deaf(self.wire.as_ref(), &self.connection);
+            let sent = match self.wire.as_mut().filter(|_| deaf) {
+                Some(wire) => self.connection.write_some(&wire.garbage(piece))?,
+                None => self.connection.write_some(bytes)?,
+            };
             if sent == 0 {
+                if let Some(wire) = &mut self.wire {
+                    // Nobody reads: what follows is paced anew.
+                    wire.begun_ns = Some(now_ns);
+                }
                 break;
             }
             self.gone += sent;
-            if let Some(bytes_per_s) = self.bytes_per_s {
-                let begun_ns = self.busy_until_ns.max(now_ns - 5_000_000);
-                self.busy_until_ns = begun_ns + (sent as f64 / bytes_per_s * 1e9) as i64;
+            let left = self.waiting();
+            if let Some(wire) = &mut self.wire {
+                wire.handed_over(sent, left);
             }
         }
         while self.ends.front().is_some_and(|end| *end <= self.gone) {
@@ -280,6 +404,14 @@ impl Line {
         }
         Ok(())
     }
+}
+
+/// Whether the client's end of a strict serial line runs at another speed.
+fn is_deaf(wire: Option<&Wire>, connection: &Connection) -> bool {
+    wire.filter(|wire| wire.serial.strict).is_some_and(|wire| {
+        let theirs = connection.peer_baud();
+        theirs.is_some() && theirs != wire.serial.baud
+    })
 }
 
 /// What an emulation has done.
@@ -323,6 +455,7 @@ pub struct Emulation {
     conditions: Conditions,
     doors: Vec<Door>,
     lines: Vec<Line>,
+    unplugged: Vec<Unplugged>,
     next_line: LineId,
     mishaps: VecDeque<TimedFault>,
     stalled_until_ns: i64,
@@ -333,11 +466,16 @@ pub struct Emulation {
 }
 
 impl Emulation {
+    /// When true time began.
+    pub fn start(&self) -> HostInstant {
+        self.time.start
+    }
+
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
             time: Time {
-                start: Instant::now(),
+                start: HostInstant::now(),
                 speed: conditions.speed,
                 skipped_ns: 0,
             },
@@ -345,6 +483,7 @@ impl Emulation {
             conditions,
             doors: Vec::new(),
             lines: Vec::new(),
+            unplugged: Vec::new(),
             next_line: 0,
             stalled_until_ns: i64::MIN,
             dark_until_ns: i64::MIN,
@@ -374,6 +513,20 @@ impl Emulation {
         link: &Path,
         baud: Option<u32>,
     ) -> Result<PathBuf, LinkError> {
+        let serial = Serial {
+            baud,
+            ..Serial::default()
+        };
+        self.open_serial(device, link, serial)
+    }
+
+    /// The same with everything that a serial line can be.
+    pub fn open_serial(
+        &mut self,
+        device: &mut impl Device,
+        link: &Path,
+        serial: Serial,
+    ) -> Result<PathBuf, LinkError> {
         let pty = Pty::open_as(link).map_err(|error| LinkError::Open {
             place: link.display().to_string(),
             reason: super::connection::plain(&error),
@@ -381,15 +534,21 @@ impl Emulation {
         let path = pty.path().to_owned();
         let service = self.doors.len();
         self.doors.push(Door::Pty);
-        let id = self.add(Connection::from_pty(pty), baud, true);
+        let connection = Connection::from_pty(pty);
+        let id = self.add(connection, Wire::new(serial), Some(link.to_owned()));
         device.connected(id, service, self.time.now_ns());
         Ok(path)
     }
 
-    fn add(&mut self, connection: Connection, baud: Option<u32>, lasting: bool) -> LineId {
+    fn add(
+        &mut self,
+        connection: Connection,
+        wire: Option<Wire>,
+        lasting: Option<PathBuf>,
+    ) -> LineId {
         let id = self.next_line;
         self.next_line += 1;
-        self.account.clients += u64::from(!lasting);
+        self.account.clients += u64::from(lasting.is_none());
         self.lines.push(Line {
             id,
             connection,
@@ -397,8 +556,7 @@ impl Emulation {
             queue: Vec::new(),
             gone: 0,
             ends: VecDeque::new(),
-            bytes_per_s: baud.map(|baud| f64::from(baud) / 10.0),
-            busy_until_ns: i64::MIN,
+            wire,
             crowded_out: 0,
             closing: false,
             lasting,
@@ -428,6 +586,7 @@ impl Emulation {
                 device.advance(now_ns, &mut out);
             }
             self.deliver(device, &mut out);
+            self.follow_baud(device);
             self.send(device);
             device.prepare();
         }
@@ -462,9 +621,11 @@ impl Emulation {
                 wait = wait.min(self.time.until(until_ns));
             }
         }
-        let paced = self.lines.iter().filter(|line| line.waiting() > 0);
-        for line in paced.filter(|line| line.busy_until_ns > now_ns) {
-            wait = wait.min(self.time.until(line.busy_until_ns));
+        for due_ns in self.lines.iter().filter_map(Line::wire_due_ns) {
+            wait = wait.min(self.time.until(due_ns));
+        }
+        for away in &self.unplugged {
+            wait = wait.min(self.time.until(away.back_ns));
         }
         if self.is_dark(now_ns) {
             std::thread::sleep(wait);
@@ -475,7 +636,7 @@ impl Emulation {
         for line in &self.lines {
             let mut what = PollFlags::empty();
             what.set(PollFlags::IN, line.waiting() <= UNREAD && !line.closing);
-            let may_send = !silent && line.busy_until_ns <= now_ns;
+            let may_send = !silent && line.wire_due_ns().is_none_or(|due_ns| due_ns <= now_ns);
             what.set(PollFlags::OUT, line.waiting() > 0 && may_send);
             if let Some(line) = line.connection.waitable() {
                 waited.push((line, what));
@@ -530,7 +691,7 @@ impl Emulation {
                     connection.reset();
                     continue;
                 }
-                let id = self.add(connection, None, false);
+                let id = self.add(connection, None, None);
                 device.connected(id, service, now_ns);
             }
         }
@@ -553,8 +714,10 @@ impl Emulation {
                 Ok(None) => {}
                 Ok(Some(received)) => {
                     let bytes = buffer.get(..received.bytes).unwrap_or_default();
-                    // A pseudo terminal of a device that is down hears nothing.
-                    if now_ns >= self.down_until_ns {
+                    // A pseudo terminal of a device that is down hears nothing, nor does one that
+                    // is spoken to at another speed.
+                    let deaf = is_deaf(line.wire.as_ref(), &line.connection);
+                    if now_ns >= self.down_until_ns && !deaf {
                         device.input(line.id, bytes, self.time.now_ns(), out);
                     }
                 }
@@ -631,6 +794,7 @@ impl Emulation {
             self.dark_until_ns = i64::MIN;
             self.break_off(device);
         }
+        self.plug_in(now_ns);
         while let Some(fault) = self.mishaps.front().copied() {
             if nanoseconds(fault.at) > now_ns {
                 return;
@@ -644,7 +808,62 @@ impl Emulation {
                     self.lines.iter_mut().for_each(Line::lose_queue);
                 }
                 Mishap::Reboot(lasts) => self.restart(device, lasts),
+                Mishap::Unplug(lasts) => self.unplug(now_ns + nanoseconds(lasts)),
             }
+        }
+    }
+
+    /// Pulls every pseudo terminal: its link is gone and whoever has it open reads an error. The device
+    /// talks on into nothing.
+    fn unplug(&mut self, back_ns: i64) {
+        for mut line in std::mem::take(&mut self.lines) {
+            let Some(link) = line.lasting.clone() else {
+                self.lines.push(line);
+                continue;
+            };
+            line.lose_queue();
+            self.unplugged.push(Unplugged {
+                id: line.id,
+                link,
+                damage: line.damage,
+                wire: line.wire,
+                crowded_out: line.crowded_out,
+                back_ns,
+            });
+        }
+    }
+
+    /// Brings back what was unplugged for long enough.
+    fn plug_in(&mut self, now_ns: i64) {
+        for away in std::mem::take(&mut self.unplugged) {
+            let opened = (away.back_ns <= now_ns).then(|| Pty::open_as(&away.link));
+            let Some(Ok(pty)) = opened else {
+                // Where the link's place is taken, it is tried again.
+                self.unplugged.push(away);
+                continue;
+            };
+            let id = self.add(Connection::from_pty(pty), away.wire, Some(away.link));
+            if let Some(line) = self.lines.iter_mut().find(|line| line.id == id) {
+                line.id = away.id;
+                line.damage = away.damage;
+                line.crowded_out = away.crowded_out;
+            }
+        }
+    }
+
+    /// Lets the serial lines go at the device's speed.
+    fn follow_baud(&mut self, device: &impl Device) {
+        let Some(baud) = device.baud() else {
+            return;
+        };
+        let away = self.unplugged.iter_mut().map(|away| &mut away.wire);
+        let wires = self.lines.iter_mut().map(|line| &mut line.wire).chain(away);
+        for wire in wires
+            .flatten()
+            .filter(|wire| wire.serial.baud != Some(baud))
+        {
+            wire.serial.baud = Some(baud);
+            wire.bytes_per_s = f64::from(baud) / 10.0;
         }
     }
 
@@ -653,8 +872,10 @@ impl Emulation {
         for line in &mut self.lines {
             line.lose_queue();
         }
-        let (lasting, gone): (Vec<Line>, Vec<Line>) =
-            self.lines.drain(..).partition(|line| line.lasting);
+        let (lasting, gone): (Vec<Line>, Vec<Line>) = self
+            .lines
+            .drain(..)
+            .partition(|line| line.lasting.is_some());
         self.lines = lasting;
         for line in gone {
             self.account.losses.add(&line.damage.losses());
@@ -685,6 +906,10 @@ impl Emulation {
             self.account.losses.add(&line.damage.losses());
             self.account.crowded_out += line.crowded_out + unsent as u64;
             line.connection.end();
+        }
+        for away in std::mem::take(&mut self.unplugged) {
+            self.account.losses.add(&away.damage.losses());
+            self.account.crowded_out += away.crowded_out;
         }
     }
 }

@@ -17,7 +17,7 @@ const MOST_GARBAGE: u64 = 64;
 /// What shall go wrong.
 ///
 /// `drop=0.001,flip=0.001,cut=0.001,repeat=0.001,garbage=0.01,chunk=1..1448,stall=2s@10s,reset@20s,`
-/// `blackhole=3s@30s,reboot=5s@40s`: the shares are of the messages with data (a scan, a sample),
+/// `blackhole=3s@30s,reboot=5s@40s,unplug=1s@50s`: the shares are of the messages with data (a scan, a sample),
 /// the times count from the device's start. Faults at set times may come several times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
@@ -58,13 +58,16 @@ pub enum Mishap {
     Blackhole(Duration),
     /// The device restarts and needs so long for it.
     Reboot(Duration),
+    /// The adapter of a serial line is pulled for so long: the port is gone, and the device talks on.
+    Unplug(Duration),
 }
 
 /// A text that names no faults.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{item:?}: {reason}; faults are drop=SHARE, flip=SHARE, cut=SHARE, repeat=SHARE, garbage=SHARE, \
-     chunk=N or N..M (bytes), stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME"
+     chunk=N or N..M (bytes), stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME, \
+     unplug=TIME@TIME"
 )]
 pub struct FaultsError {
     item: String,
@@ -103,6 +106,7 @@ impl Faults {
                 "stall" => Mishap::Stall(lasting()?),
                 "blackhole" => Mishap::Blackhole(lasting()?),
                 "reboot" => Mishap::Reboot(lasting()?),
+                "unplug" => Mishap::Unplug(lasting()?),
                 "reset" if value.is_none() => Mishap::Reset,
                 _ => return Err("no such fault at a set time".into()),
             };
@@ -120,7 +124,7 @@ impl Faults {
             "cut" => &mut self.cut,
             "repeat" => &mut self.repeat,
             "garbage" => &mut self.garbage,
-            "stall" | "blackhole" | "reboot" | "reset" => {
+            "stall" | "blackhole" | "reboot" | "reset" | "unplug" => {
                 return Err("at what time? (such as @10s)".into());
             }
             _ => return Err("no such fault".into()),

@@ -59,6 +59,11 @@ impl Pty {
         Ok(pty)
     }
 
+    /// The speed that the other end is set to; a pseudo terminal carries bytes at any.
+    pub fn baud(&self) -> Option<u32> {
+        tcgetattr(&self._held).ok().map(|t| t.output_speed())
+    }
+
     /// What to open at the other end.
     pub fn path(&self) -> &Path {
         &self.path

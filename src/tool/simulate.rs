@@ -6,6 +6,7 @@ mod cola;
 mod serve;
 mod serve_args;
 mod source;
+mod unit;
 
 pub use args::Args;
 
@@ -25,6 +26,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if args.serve.is_asked() {
         return serve::run(&args);
     }
+    if args.unit.imu_pty.is_some() {
+        return unit::alone(&args);
+    }
     if args.common.format == Some(Format::Cola) {
         return cola::run(&args);
     }
@@ -37,6 +41,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut simulator = Simulator::new(setup);
     if simulator.scans() == 0 {
         return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
+    }
+    if let Some(path) = &args.unit.imu_record {
+        unit::record(&args, &options, path)?;
     }
     let stop = Stop::install()?;
     let mut outputs = Outputs::open(&args, &options)?;

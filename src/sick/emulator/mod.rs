@@ -43,6 +43,9 @@ pub trait Source {
         telegram: &mut LmdScandata,
     ) -> Option<Revolution>;
 
+    /// The source's own start is at `now_ns` of the emulation.
+    fn began(&mut self, _now_ns: i64) {}
+
     /// The only mode there is, where it cannot be changed.
     fn fixed_mode(&self) -> Option<ScanMode> {
         None
@@ -298,6 +301,7 @@ impl<S: Source> Emulator<S> {
             && (asked || !self.behaviour.hold)
         {
             self.origin_ns = Some(now_ns);
+            self.source.began(now_ns);
         }
     }
 

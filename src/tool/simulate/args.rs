@@ -1,6 +1,6 @@
 //! The command line of `simulate` and the run that it describes.
 
-use super::serve_args::{self, ServeArgs};
+use super::serve_args::{self, IMU_OPTIONS, ImuArgs, ServeArgs};
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
 use crate::record::{Axes, Stamp, TrajectoryPoint};
@@ -31,8 +31,12 @@ SERVING
   spoken to in; without a port it is 2111 (CoLa A) and 2112. When the trajectory ends, it waits for
   the clients to leave (--linger), ends the connections in order and ends with status 0, as it does
   on SIGINT and SIGTERM. -v accounts for every scan.
+  With --imu-pty it is (also) the IMU, a 3DM-GX1 on a serial line that moves with the same platform at
+  the same time; alone it ends with the trajectory. --hold waits for the first client that wants
+  scans, or, without a scanner, samples.
   Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
-  stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on.
+  stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on. --imu-faults has
+  unplug=TIME@TIME too: the port is gone for so long.
   With --format cola the scanner's telegrams are the output; -o FILE then keeps them as a capture
   does, with the arrival times beside them.
 
@@ -121,6 +125,8 @@ pub struct Args {
     pub(super) real_time: bool,
     #[command(flatten)]
     pub(super) serve: ServeArgs,
+    #[command(flatten)]
+    pub(super) unit: ImuArgs,
     #[command(flatten)]
     pub(super) common: CommonArgs,
 }
@@ -268,7 +274,8 @@ const SIMULATION_OPTIONS: [&str; 18] = [
 /// Refuses an option that was written but belongs to another trajectory, or to none.
 pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<(), Fault> {
     let cola = args.common.format == Some(Format::Cola);
-    serve_args::refuse_foreign(&args.serve, written, cola)?;
+    let unit = args.unit.imu_pty.is_some();
+    serve_args::refuse_foreign(&args.serve, written, cola, unit)?;
     if args.serve.replay.is_some() {
         let courses = COURSE_OPTIONS.iter().map(|(option, _)| *option);
         let all = courses.chain(MOVING_OPTIONS).chain(SIMULATION_OPTIONS);
@@ -287,6 +294,22 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
     };
     let moving: &[&str] = &["line", "loop", "a file"];
     let others = MOVING_OPTIONS.into_iter().map(|option| (option, moving));
+    let commanded =
+        |option: &str| written.value_source(option) == Some(clap::parser::ValueSource::CommandLine);
+    if args.unit.imu_pty.is_none() && args.unit.imu_record.is_none() {
+        for option in IMU_OPTIONS.into_iter().filter(|o| commanded(o)) {
+            let text = format!(
+                "--{} needs --imu-pty or --imu-record",
+                option.replace('_', "-")
+            );
+            return Err(Fault::Usage(text));
+        }
+        if args.serve.hold && !args.serve.is_asked() {
+            return Err(Fault::Usage(
+                "--hold needs --serve, --serve-pty or --imu-pty".into(),
+            ));
+        }
+    }
     for (option, owners) in COURSE_OPTIONS.into_iter().chain(others) {
         let source = written.value_source(option);
         if source == Some(clap::parser::ValueSource::CommandLine) && !owners.contains(&kind) {

@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         let text = "--faults at set times need clients; --format cola has none";
         return Err(Fault::Usage(text.into()).into());
     }
-    let (view, model, mode) = serve::view(args, &mut options)?;
+    let (view, model, mode) = serve::view(args, &mut options, None)?;
     let epoch = view.epoch().unwrap_or(Stamp::from_ns(0));
     let behaviour = Behaviour {
         linger: Duration::ZERO,

@@ -2,6 +2,7 @@
 
 use super::serve_args::{Address, ServeArgs};
 use super::source::{Simulation, View};
+use super::unit::{self, Origin};
 use super::{Args, Sides, args};
 use crate::frame::ScannerModel;
 use crate::link::LinkError;
@@ -12,6 +13,7 @@ use crate::simulate::Simulator;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::net::SocketAddr;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The scanner's own ports: CoLa A, and the host port.
@@ -31,7 +33,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage(text.into()).into());
     }
     let serve = &args.serve;
-    let (view, model, mode) = view(args, &mut options)?;
+    let origin = args
+        .unit
+        .imu_pty
+        .as_ref()
+        .map(|_| Arc::new(Origin::default()));
+    if origin.is_some() && serve.speed.factor() != Some(1.0) {
+        let text = "--imu-pty needs --speed 1: the speed of a serial line is what it is";
+        return Err(Fault::Usage(text.into()).into());
+    }
+    let (view, model, mode) = view(args, &mut options, origin.clone())?;
     let behaviour = behaviour(serve, model, mode);
     let stop = Stop::install()?;
     let mut device = Emulator::new(behaviour, view);
@@ -41,9 +52,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         seed: args.seed,
     });
     open(serve, &mut emulation, &mut device).map_err(fault)?;
-    let account = emulation
-        .run(&mut device, || stop.requested())
-        .map_err(fault)?;
+    if options.verbose > 0 {
+        // Together with --clock-ppm the whole truth of the scanner's clock.
+        eprintln!(
+            "simulate: the counter was at {} s at {} ns of the monotonic raw clock",
+            serve.uptime_s,
+            emulation.start().raw_ns
+        );
+    }
+    let account = match &origin {
+        None => emulation.run(&mut device, || stop.requested()),
+        Some(origin) => {
+            origin.scanner_starts_at(emulation.start().raw_ns);
+            unit::beside(args, &options, origin, &stop, |stop| {
+                emulation.run(&mut device, stop)
+            })?
+        }
+    }
+    .map_err(fault)?;
     if options.verbose > 0 {
         let tally = device.tally();
         eprintln!(
@@ -60,6 +86,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 pub(super) fn view(
     args: &Args,
     options: &mut Options,
+    origin: Option<Arc<Origin>>,
 ) -> anyhow::Result<(View, &'static ScannerModel, crate::frame::ScanMode)> {
     if let Some(path) = &args.serve.replay {
         let (recording, model) = recording(path, args.serve.repeat)?;
@@ -84,7 +111,7 @@ pub(super) fn view(
         return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
     }
     let sides = Sides::open(args, options)?;
-    let simulation = Simulation::new(simulator, start, index_to_first_beam_s, sides);
+    let simulation = Simulation::new(simulator, start, index_to_first_beam_s, sides, origin);
     Ok((View::Simulation(Box::new(simulation)), model, mode))
 }
 
@@ -170,7 +197,7 @@ fn open(
     Ok(())
 }
 
-fn fault(error: LinkError) -> Fault {
+pub(super) fn fault(error: LinkError) -> Fault {
     match error {
         LinkError::Open { .. } => Fault::Unavailable(error.to_string()),
         _ => Fault::Io(error.to_string()),

@@ -1,5 +1,6 @@
 //! The part of `simulate`'s command line that is about emulated devices.
 
+use crate::gx1::{Command, TickFactors};
 use crate::link::faults::Faults;
 use crate::sick::emulator::TransmitStamp;
 use crate::stream::Fault;
@@ -79,7 +80,7 @@ pub struct ServeArgs {
 }
 
 impl ServeArgs {
-    /// Whether a device is to be emulated.
+    /// Whether a scanner is to be emulated.
     pub fn is_asked(&self) -> bool {
         self.serve.is_some() || self.serve_pty.is_some()
     }
@@ -102,10 +103,18 @@ const OPTIONS: [(&str, bool); 12] = [
 ];
 
 /// Refuses options of an emulated device where there is none.
-pub fn refuse_foreign(args: &ServeArgs, written: &ArgMatches, cola: bool) -> Result<(), Fault> {
+pub fn refuse_foreign(
+    args: &ServeArgs,
+    written: &ArgMatches,
+    cola: bool,
+    unit: bool,
+) -> Result<(), Fault> {
     for (option, fits_cola) in OPTIONS {
         let is_written = written.value_source(option) == Some(ValueSource::CommandLine);
         if !is_written || args.is_asked() || (cola && fits_cola) {
+            continue;
+        }
+        if unit && option == "hold" {
             continue;
         }
         let option = option.replace('_', "-");
@@ -117,6 +126,77 @@ pub fn refuse_foreign(args: &ServeArgs, written: &ArgMatches, cola: bool) -> Res
         return Err(Fault::Usage(format!("--{option} belongs to {owners}")));
     }
     Ok(())
+}
+
+/// An emulated IMU beside the scanner, or alone.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Emulated IMU (3DM-GX1)")]
+#[group(id = "imu_emulation", multiple = true)]
+pub struct ImuArgs {
+    /// Be the IMU on a serial line: a pseudo terminal that LINK points to (see SERVING)
+    #[arg(long, value_name = "LINK", conflicts_with_all = ["replay", "real_time"])]
+    pub imu_pty: Option<PathBuf>,
+    /// Record what a reader of the IMU would get over the run: bytes in FILE, times of arrival beside it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["imu_pty", "serving", "real_time"])]
+    pub imu_record: Option<PathBuf>,
+    /// Its speed: 19200, 38400, 115200; who listens at another hears garbage
+    #[arg(long, value_name = "BAUD", default_value = "38400", value_parser = ["19200", "38400", "115200"])]
+    pub imu_baud: String,
+    /// Length of its tick: 2ms, 10ms [default: 6.5536ms, as it leaves the factory]
+    #[arg(long, value_name = "TIME", value_parser = parse_tick)]
+    pub imu_tick: Option<TickFactors>,
+    /// The command that it streams after power-up, such as 0x31 [default: none; with --imu-record 0x31]
+    #[arg(long, value_name = "HEX", value_parser = parse_command)]
+    pub imu_streams: Option<Command>,
+    /// The adapter behind it hands bytes over every so often: 16ms, 1ms; 0ms is a plain port
+    #[arg(long, value_name = "TIME", default_value = "0ms", value_parser = parse_duration)]
+    pub imu_adapter: Duration,
+    /// How much too fast its clock runs
+    #[arg(
+        long,
+        value_name = "PPM",
+        default_value_t = 0.0,
+        allow_hyphen_values = true
+    )]
+    pub imu_ppm: f64,
+    /// What its tick counter shows at the start; it wraps at 65536
+    #[arg(long, value_name = "TICKS", default_value_t = 0)]
+    pub imu_first_tick: u16,
+    /// What goes wrong with it: as --faults, and unplug=TIME@TIME
+    #[arg(
+        long,
+        value_name = "LIST",
+        default_value = "",
+        hide_default_value = true,
+        requires = "imu_pty"
+    )]
+    pub imu_faults: Faults,
+}
+
+/// The options that make sense only with one of `--imu-pty` and `--imu-record`.
+pub(super) const IMU_OPTIONS: [&str; 7] = [
+    "imu_baud",
+    "imu_tick",
+    "imu_streams",
+    "imu_adapter",
+    "imu_ppm",
+    "imu_first_tick",
+    "imu_faults",
+];
+
+fn parse_tick(text: &str) -> Result<TickFactors, String> {
+    let length = parse_duration(text)?;
+    let ns = u64::try_from(length.as_nanos()).unwrap_or(u64::MAX);
+    TickFactors::of_tick_ns(ns)
+        .ok_or_else(|| "a multiple of 0.1us from 0.1ms to 100ms is wanted".to_owned())
+}
+
+fn parse_command(text: &str) -> Result<Command, String> {
+    let wanted = || "the byte of a command with a reply is wanted, such as 0x31".to_owned();
+    let hex = text.strip_prefix("0x").ok_or_else(wanted)?;
+    let byte = u8::from_str_radix(hex, 16).map_err(|_| wanted())?;
+    let command = Command::from_byte(byte).filter(|c| !c.words().is_empty());
+    command.ok_or_else(wanted)
 }
 
 /// Where to be reached; without a port at the device's own.

@@ -1,12 +1,14 @@
 //! What an emulated scanner sees: a simulation or a recording.
 
 use super::Sides;
+use super::unit::Origin;
 use crate::frame::ScanMode;
 use crate::record::Stamp;
 use crate::sick::emulator::recording::Recording;
 use crate::sick::emulator::{Revolution, Source, fill};
 use crate::sick::scandata::LmdScandata;
 use crate::simulate::Simulator;
+use std::sync::Arc;
 
 /// A simulation that is looked at by an emulated scanner, and the files beside it.
 pub struct Simulation {
@@ -15,6 +17,8 @@ pub struct Simulation {
     /// From the zero index to the beam at the aperture's start, ns.
     index_to_first_beam_ns: i64,
     sides: Sides,
+    /// Where others learn when the course began.
+    origin: Option<Arc<Origin>>,
     /// Why a file beside the scans could not be written.
     fault: Option<anyhow::Error>,
 }
@@ -26,12 +30,14 @@ impl Simulation {
         start: Stamp,
         index_to_first_beam_s: f64,
         sides: Sides,
+        origin: Option<Arc<Origin>>,
     ) -> Simulation {
         Simulation {
             simulator,
             start,
             index_to_first_beam_ns: (index_to_first_beam_s * 1e9).round() as i64,
             sides,
+            origin,
             fault: None,
         }
     }
@@ -46,6 +52,12 @@ impl Simulation {
 }
 
 impl Source for Simulation {
+    fn began(&mut self, now_ns: i64) {
+        if let Some(origin) = &self.origin {
+            origin.begin(now_ns);
+        }
+    }
+
     fn next(
         &mut self,
         mode: ScanMode,
@@ -108,6 +120,13 @@ impl View {
 }
 
 impl Source for View {
+    fn began(&mut self, now_ns: i64) {
+        match self {
+            View::Simulation(simulation) => simulation.began(now_ns),
+            View::Recording(recording) => recording.began(now_ns),
+        }
+    }
+
     fn next(
         &mut self,
         mode: ScanMode,

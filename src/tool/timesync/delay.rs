@@ -99,9 +99,9 @@ struct Dissertation {
     total_delay_s: Option<f64>,
     cross_correlation_s: f64,
     adjustment_s: f64,
-    /// The adjustment with which the largest error is smallest, s: what a patient hand would find.
+    /// The adjustment with which the spike is smallest, s: what a patient hand would find.
     best_adjustment_s: f64,
-    /// Largest error along the main axis without compensation, with the total delay, with the
+    /// Error that one in a hundred exceeds, along the main axis, without compensation, with the total delay, with the
     /// cross-correlation's and with the adjusted one, m.
     spike_m: [f64; 4],
 }
@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         free_gain: !args.fixed_gain,
         free_offset: !args.fixed_offset,
     };
-    let report = find(args, &measured, &motion, &settings, (start, total_s))
+    let report = find(args, &measured, &motion, &settings, total_s)
         .map_err(|error| Fault::BadData(error.to_string()))?;
     if let Some(path) = &args.curve {
         let encoding = options.format.unwrap_or(Encoding::Csv);
@@ -194,7 +194,7 @@ fn find(
     measured: &[Measured],
     motion: &Sampled,
     settings: &DelaySettings,
-    (start, total_s): (Stamp, Option<f64>),
+    total_s: Option<f64>,
 ) -> Result<Report, delay::DelayError> {
     let plain = |delay_s: f64| Report {
         method: args.method,
@@ -220,7 +220,7 @@ fn find(
         How::Dissertation => {
             let correlated_s = correlation::plain(measured, motion, settings)?;
             let adjustment_s = args.adjust.unwrap_or(0.0);
-            let spike_m = |delay_s: f64| spike_m(measured, motion, start, delay_s);
+            let spike_m = |delay_s: f64| spike_m(measured, motion, delay_s);
             // By whole milliseconds, as one would by hand.
             let most_ms = (settings.most_s * 1e3).min(10_000.0) as i64;
             let tried = (-most_ms..=most_ms).map(|ms| ms as f64 * 1e-3);
@@ -249,16 +249,28 @@ fn find(
     }
 }
 
-/// The largest error along the axis that has the largest when nothing is compensated.
-fn spike_m(measured: &[Measured], motion: &dyn Motion, start: Stamp, delay_s: f64) -> f64 {
-    let points = delay::curve(measured, motion, start, [0.0, delay_s]);
-    let [Some(none), Some(point)] = [points.first(), points.get(1)] else {
-        return f64::NAN;
+/// The error that only one in a hundred exceeds, along the axis along which the motion goes farthest:
+/// a spike, and not one wild pose.
+fn spike_m(measured: &[Measured], motion: &dyn Motion, delay_s: f64) -> f64 {
+    let at = |k: i32| {
+        motion
+            .at(motion.duration_s() * f64::from(k) / 200.0)
+            .position_m
     };
-    let axis = (0..3)
-        .filter(|axis| none.max_m[*axis].is_finite())
-        .max_by(|a, b| none.max_m[*a].total_cmp(&none.max_m[*b]));
-    axis.map_or(f64::NAN, |axis| point.max_m[axis])
+    let (mut low, mut high) = (at(0), at(0));
+    for k in 1..=200 {
+        (low, high) = (low.inf(&at(k)), high.sup(&at(k)));
+    }
+    let axis = (high - low).imax();
+    let mut errors: Vec<f64> = measured
+        .iter()
+        .filter(|m| (0.0..=motion.duration_s()).contains(&(m.t_s - delay_s)))
+        .map(|m| (m.position_m[axis] - motion.at(m.t_s - delay_s).position_m[axis]).abs())
+        .filter(|error| error.is_finite())
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let last = errors.len().saturating_sub(1 + errors.len() / 100);
+    errors.get(last).copied().unwrap_or(f64::NAN)
 }
 
 fn words(report: &Report) -> String {
@@ -311,8 +323,8 @@ fn words(report: &Report) -> String {
     }
     if let Some(steps) = &report.dissertation {
         let spike = |k: usize| match steps.spike_m.get(k).filter(|m| m.is_finite()) {
-            Some(m) => format!("largest error {:.2} mm", m * 1e3),
-            None => "largest error not known".to_owned(),
+            Some(m) => format!("spike {:.2} mm", m * 1e3),
+            None => "spike not known".to_owned(),
         };
         row("not compensated", spike(0));
         match steps.total_delay_s {

@@ -20,12 +20,11 @@ EXAMPLES
   The same by two other methods, to compare:
     timesync fit --method joint exchanges.csv && timesync fit --method mean --json exchanges.csv
   Scans with stamps from the device's clock, as they come:
-    timesync track scans.csv > tracked.csv
+    simulate -f frame.toml --effects clocks --n-scans 50 | timesync track > tracked.csv
   How late poses are, and the error for every delay that might be:
-    timesync delay --desired run.mcap --curve curve.csv poses.csv
+    timesync delay --desired loop.mcap --curve curve.csv measured.csv
   The result as JSON, for compensate-delay:
-    timesync delay --desired run.mcap --json -o delay.json poses.csv
-    compensate-delay --delay-from delay.json poses.csv | timesync delay --desired run.mcap -
+    timesync delay --desired loop.mcap --json -o delay.json measured.csv
 
 HOW SURE IT IS
   Half the difference between the shortest way there and the shortest way back cannot be seen by any

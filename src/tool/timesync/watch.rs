@@ -3,14 +3,13 @@
 use super::TOOL;
 use super::fit::FitArgs;
 use super::live::{self, DeviceArgs, PaceArgs, Poller};
-use super::text::seconds;
+use super::text::{self, seconds};
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::record::ClockExchange;
-use crate::stream::{Encoding, Outcome, Output, Stop};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::stream::{Encoding, Options, Outcome, Output, Stop};
+use crate::tool::common::parse_duration;
 use serde::Serialize;
 use std::collections::VecDeque;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -38,11 +37,9 @@ pub struct Args {
     /// A line of JSON in place of text
     #[arg(long)]
     json: bool,
-    /// Write the exchanges to FILE as clock records
+    /// Write the exchanges to FILE as clock records, CSV
     #[arg(long, value_name = "FILE")]
     records: Option<PathBuf>,
-    #[command(flatten)]
-    common: CommonArgs,
 }
 
 /// A line.
@@ -58,17 +55,15 @@ struct Line {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let options = args.common.options(TOOL)?;
+    let options = Options {
+        tool: TOOL,
+        ..Options::default()
+    };
     let stop = Stop::install()?;
     let mut client = live::connect(&args.device, &stop)?;
-    let encoding = options.format.unwrap_or(Encoding::Csv);
     let mut records = match &args.records {
-        Some(path) => Some(Output::create(path, encoding, &options)?),
+        Some(path) => Some(Output::create(path, Encoding::Csv, &options)?),
         None => None,
-    };
-    let mut out = match &args.common.output {
-        Some(path) => Box::new(std::fs::File::create(path)?) as Box<dyn Write>,
-        None => Box::new(std::io::stdout()),
     };
     let settings = FitSettings {
         resamples: 0,
@@ -100,8 +95,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
                     true => serde_json::to_string(&line)? + "\n",
                     false => words(&line),
                 };
-                out.write_all(text.as_bytes())?;
-                out.flush()?;
+                text::write(None, &text)?;
                 lines += 1;
             }
             if let Some(records) = &mut records {
