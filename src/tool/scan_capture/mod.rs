@@ -4,9 +4,11 @@
 //! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
+//! - [`hokuyo`] the one that speaks to a Hokuyo
 //! - [`replay`] recordings
 
 mod args;
+mod hokuyo;
 mod live;
 mod replay;
 mod sick;
@@ -43,8 +45,21 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         args.tee.as_deref(),
         args.tee_rotate.unwrap_or_default(),
     );
-    let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
-    live::run(scanner, &capture, options, &ending, &tee)
+    match args.live.kind {
+        args::DeviceKind::Sick => {
+            let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+        args::DeviceKind::Hokuyo => {
+            let settings = crate::hokuyo::scans::Settings {
+                index_to_first_beam_s: settings.index_to_first_beam_s,
+                range_min_m: settings.range_min_m,
+                every: 1,
+            };
+            let scanner = hokuyo::Hokuyo::new(&args, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+    }
 }
 
 /// Takes over what the frame file says of the scanner; gives its text.

@@ -37,6 +37,7 @@ SERVING
   Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
   stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on. --imu-faults has
   unplug=TIME@TIME too: the port is gone for so long.
+  With --model utm-30lx it is a Hokuyo UTM-30LX (SCIP 2.0), at port 10940 unless told otherwise.
   With --format cola the scanner's telegrams are the output; -o FILE then keeps them as a capture
   does, with the arrival times beside them.
 
