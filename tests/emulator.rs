@@ -578,7 +578,7 @@ fn what_does_not_go_together_is_refused() {
             "--serve-pty",
         ),
         (
-            "-f frame.toml --serve 127.0.0.1:0 --model utm-30lx",
+            "-f frame.toml --serve 127.0.0.1:0 --model lms200",
             2,
             "LMS5xx",
         ),

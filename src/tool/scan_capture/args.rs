@@ -2,6 +2,8 @@
 
 use super::super::common::{CommonArgs, parse_duration, parse_rotation};
 use super::NAME;
+use super::configure::ConfigureArgs;
+use super::info::{InfoArgs, ListArgs};
 use crate::link::{Endpoint, Rotation, parse_seconds_ns, would_write};
 use crate::record::Stamp;
 use crate::stream::Fault;
@@ -14,8 +16,9 @@ stream of one (--replay).
 
 Live. DEVICE is HOST, HOST:PORT (2112 without a port) or a serial port. The dialect, CoLa A or CoLa \
 B, is found out; nothing is written to the device but the request to send scans, and no login is \
-needed. A scanner that is not measuring yet is waited for (--wait). When the line breaks or falls \
-silent for three scans, it is opened again for as long as it takes; seq then jumps by the number of \
+needed. --configure sets the scanner first, in the order that it takes, and only where it is not set \
+so already; every value is read back, and set again where a restart has lost it. A scanner that is \
+not measuring yet is waited for (--wait). When the line breaks or falls silent for three scans, it is opened again for as long as it takes; seq then jumps by the number of \
 scans lost, stderr says how long and how many, and the status at the end is 3. SIGINT, SIGTERM, -n, \
 --for, or a reader of stdout that leaves end the capture: the device is told to send no more, the \
 files are finished.
@@ -55,8 +58,17 @@ EXAMPLES
     scan-capture --replay run.cola -f frame.toml --format mcap -o capture.mcap
   From 0.2 s on, in true time
     scan-capture --replay run.cola --epoch 1614680100.5 --from +200ms > late.csv
+  What would be sent to set a scanner to 50 Hz and half the aperture
+    scan-capture --configure --frequency-hz 50 --resolution-deg 0.5 --range-deg 0,90 --dry-run
   From a pipe
     cat run.cola | scan-capture --replay - | head -n 2
+
+ANGLE JITTER
+  The scans of an LMS511 are turned against each other by about 0.017 deg, all beams alike. The time
+  from one turn of its motor to the next foretells about half of that, by a factor that is learned
+  from some seconds in which scanner and scene stand still (with corners, or walls at a slant):
+  scan-capture --replay still.cola --angle-jitter learn > jitter.toml
+  scan-capture 192.168.0.1 --angle-jitter jitter.toml > scans.csv
 
 DEVICES
   An hour of a scanner on the network, with its bytes kept in files of 100 MB:
@@ -70,9 +82,13 @@ DEVICES
 /// Records scans from a laser scanner, or from a recorded byte stream of one
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = NAME, version, long_about = LONG_ABOUT, after_long_help = EXAMPLES)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Args {
+    /// Something else than a capture.
+    #[command(subcommand)]
+    pub command: Option<Command>,
     /// Scanner: HOST, HOST:PORT or a serial port
-    #[arg(value_name = "DEVICE", required_unless_present = "replay")]
+    #[arg(value_name = "DEVICE", required_unless_present_any = ["replay", "dry_run"])]
     pub device: Option<Endpoint>,
     /// End after N scans
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -80,9 +96,16 @@ pub struct Args {
     /// Frame file: the scanner's time from zero index to first beam, its aperture and least range
     #[arg(short, long, value_name = "FILE")]
     pub frame: Option<PathBuf>,
+    /// Angle jitter of a SICK's motor: FILE takes it out of the scans, learn writes such a file
+    /// from a recording of a scene at rest
+    #[arg(long, value_name = "learn|FILE|off", default_value = "off")]
+    pub angle_jitter: AngleJitterArg,
     /// Live
     #[command(flatten)]
     pub live: LiveArgs,
+    /// Configuration
+    #[command(flatten)]
+    pub configure: ConfigureArgs,
     /// Keep the raw bytes in FILE, and their times of arrival in FILE's name with .times.csv
     #[arg(
         long,
@@ -119,6 +142,38 @@ pub struct Args {
     /// The streams
     #[command(flatten)]
     pub common: CommonArgs,
+}
+
+/// What is done about the angle jitter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum AngleJitterArg {
+    /// Nothing.
+    Off,
+    /// A model is learned from the recording; no scans are written.
+    Learn,
+    /// It is taken out by the model of this file.
+    Model(PathBuf),
+}
+
+impl std::str::FromStr for AngleJitterArg {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<AngleJitterArg, Self::Err> {
+        Ok(match text {
+            "off" => AngleJitterArg::Off,
+            "learn" => AngleJitterArg::Learn,
+            path => AngleJitterArg::Model(path.into()),
+        })
+    }
+}
+
+/// What else there is to do.
+#[derive(Clone, Debug, clap::Subcommand)]
+pub enum Command {
+    /// Say what a scanner is, how it feels and how it is set
+    Info(InfoArgs),
+    /// List the serial ports; say what a converter's clock makes of a speed
+    List(ListArgs),
 }
 
 /// What kind of scanner is captured.
@@ -177,14 +232,27 @@ impl Args {
             if let Some(option) = self.live.given() {
                 return usage(format!("{option} is for a device, not for --replay"));
             }
+            if self.configure.configure {
+                return usage("--configure is for a device, not for --replay".into());
+            }
             if self.replay.len() > 1 && self.times.is_some() {
                 return usage(
                     "--times is the table of one recording, and there are several".into(),
                 );
             }
         }
+        if self.angle_jitter == AngleJitterArg::Learn && self.replay.is_empty() {
+            let text = "--angle-jitter learn needs a recording: --replay FILE";
+            return usage(text.into());
+        }
+        if self.live.kind == DeviceKind::Hokuyo && self.angle_jitter != AngleJitterArg::Off {
+            return usage("--angle-jitter is for a SICK scanner".into());
+        }
         if self.live.kind == DeviceKind::Hokuyo && self.live.poll.is_some() {
             return usage("--poll is for a SICK scanner; a Hokuyo sends every scan".into());
+        }
+        if self.live.kind == DeviceKind::Hokuyo && self.configure.configure {
+            return usage("--configure is for a SICK scanner".into());
         }
         if let (Some(Endpoint::Tcp { host, .. }), Some(_)) = (&self.device, self.live.baud) {
             return usage(format!("--baud is for a serial port, and {host} is a host"));
