@@ -7,7 +7,9 @@
 //! - [`hokuyo`] the one that speaks to a Hokuyo
 //! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
 //! - [`replay`] recordings
+//! - [`angle_jitter`] the model of a motor's jitter, read and learned
 
+mod angle_jitter;
 mod args;
 mod configure;
 mod hokuyo;
@@ -17,6 +19,8 @@ mod replay;
 mod sick;
 
 pub use args::Args;
+
+use args::AngleJitterArg;
 
 use crate::frame::Frame;
 use crate::sick::replay::Settings;
@@ -47,6 +51,11 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     };
     if let Some(path) = &args.frame {
         options.configuration = Some(apply_frame(path, &mut settings)?);
+    }
+    match &args.angle_jitter {
+        AngleJitterArg::Off => {}
+        AngleJitterArg::Learn => return angle_jitter::learn(&args, settings),
+        AngleJitterArg::Model(path) => settings.angle_jitter = Some(angle_jitter::read(path)?),
     }
     if !args.replay.is_empty() {
         return replay::run(&args, options, settings);
