@@ -175,6 +175,12 @@ fn pages() -> Vec<Page> {
             &["solve-pose", "timesync"],
         ),
         Page::of_subcommand::<tool::imu_read::Args>("replay", &[0, 2, 3, 65, 66, 74, 78]),
+        Page::of_subcommand::<tool::imu_read::Args>("info", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("eeprom", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("bias", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("tare", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("rate", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("check", &[0, 2, 3, 65, 69, 74]),
         Page::of_subcommand::<tool::imu_read::Args>("list", &[0, 2, 69, 74]),
         Page::of::<tool::timesync::Args>(
             &[0, 2, 3, 65, 66, 69, 74, 78],

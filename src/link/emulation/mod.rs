@@ -314,10 +314,7 @@ impl Emulation {
             return;
         }
         for service in 0..self.doors.len() {
-            loop {
-                let Some(Door::Tcp(listener)) = self.doors.get(service) else {
-                    break;
-                };
+            while let Some(Door::Tcp(listener)) = self.doors.get(service) {
                 let Ok((stream, _)) = listener.accept() else {
                     break;
                 };
