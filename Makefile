@@ -97,6 +97,11 @@ experiments: build
 accuracy: build
 	@$(MAKE) --no-print-directory -C experiments accuracy BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
+## delay-table: what carrying poses over 62 ms leaves of the error, beside the goals (an error where one is missed)
+.PHONY: delay-table
+delay-table:
+	$(CARGO) bench --locked --bench compensate
+
 ## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
 .PHONY: install
 install: build

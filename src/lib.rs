@@ -12,6 +12,7 @@
 //! - [`frame`] the frame's box, reflectors and mountings, read from `frame.toml`
 //! - [`link`] sockets, serial ports and pseudo terminals
 //! - [`sick`] the SICK LMS500's telegrams
+//! - [`hokuyo`] Hokuyo's scanners: SCIP 2.0, a client, an emulated UTM-30LX
 //! - [`gx1`] the MicroStrain 3DM-GX1's replies, and a session with the unit
 //! - [`clock`] device ticks and time maps
 //! - [`lines`] straight lines from a scan
@@ -27,6 +28,7 @@ pub mod clock;
 pub mod edges;
 pub mod frame;
 pub mod gx1;
+pub mod hokuyo;
 pub mod lines;
 pub mod link;
 pub mod motion;

@@ -374,6 +374,25 @@ fn a_held_course_gives_the_poses_of_the_file() {
 }
 
 #[test]
+fn live_scans_through_the_pipeline_give_the_poses_of_the_file() {
+    let dir = scratch("emulator-live");
+    let course = "-f frame.toml --trajectory line --from-pose 0,-1,2 --to-pose 0,1,2 \
+                  --effects reference,motion --n-scans 40";
+    sh(&dir, &format!("simulate {course} -o file.csv")).expect(0);
+    let from_file = poses(&dir, "file.csv");
+    for dialect in ["a", "b"] {
+        let serve = "--serve 127.0.0.1:0 --hold --linger 60s --dialect";
+        let served = Served::start(&dir, &format!("{course} {serve} {dialect}"));
+        let place = &served.places[0];
+        let capture = format!("scan-capture -q -f frame.toml -n 40 {place} -o live.csv");
+        sh(&dir, &capture).expect(0);
+        // Nobody is there any more, so that the linger is cut short.
+        assert_eq!(served.end(), (0, String::new()));
+        assert_eq!(poses(&dir, "live.csv"), from_file, "{dialect}");
+    }
+}
+
+#[test]
 fn a_byte_stream_holds_what_the_records_hold() {
     let dir = scratch("emulator-cola");
     let run = "simulate -f frame.toml --n-scans 30 --effects reference,motion";
@@ -511,6 +530,18 @@ fn what_does_not_go_together_is_refused() {
     let frame = "-f frame.toml";
     for (args, status, word) in [
         ("--serve 127.0.0.1:0", 2, "--frame"),
+        ("-f frame.toml --serve 127.0.0.1:0 --from +1s", 2, "--from"),
+        (
+            "-f frame.toml --serve 127.0.0.1:0 --uptime-s -1",
+            2,
+            "power-on",
+        ),
+        (
+            "-f frame.toml --serve 127.0.0.1:0 --clock-ppm nan",
+            2,
+            "100000",
+        ),
+        ("-f frame.toml --format cola --faults chunk=3", 2, "chunks"),
         ("-f frame.toml --hold", 2, "--hold belongs to --serve"),
         ("-f frame.toml --clock-ppm 20", 2, "--format cola"),
         (
@@ -547,7 +578,7 @@ fn what_does_not_go_together_is_refused() {
             "--serve-pty",
         ),
         (
-            "-f frame.toml --serve 127.0.0.1:0 --model utm-30lx",
+            "-f frame.toml --serve 127.0.0.1:0 --model lms200",
             2,
             "LMS5xx",
         ),

@@ -164,12 +164,23 @@ const FILTER: &[u8] = &[0, 2, 3, 65, 66, 74, 78];
 
 fn pages() -> Vec<Page> {
     vec![
-        Page::of::<tool::scan_capture::Args>(FILTER, &["extract-lines", "timesync"]),
+        Page::of::<tool::scan_capture::Args>(
+            &[0, 2, 3, 65, 66, 69, 74, 78],
+            &["extract-lines", "timesync"],
+        ),
+        Page::of_subcommand::<tool::scan_capture::Args>("info", &[0, 2, 69]),
+        Page::of_subcommand::<tool::scan_capture::Args>("list", &[0, 2, 69]),
         Page::of::<tool::imu_read::Args>(
             &[0, 2, 3, 65, 66, 69, 74, 78],
             &["solve-pose", "timesync"],
         ),
         Page::of_subcommand::<tool::imu_read::Args>("replay", &[0, 2, 3, 65, 66, 74, 78]),
+        Page::of_subcommand::<tool::imu_read::Args>("info", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("eeprom", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("bias", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("tare", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("rate", &[0, 2, 69, 74]),
+        Page::of_subcommand::<tool::imu_read::Args>("check", &[0, 2, 3, 65, 69, 74]),
         Page::of_subcommand::<tool::imu_read::Args>("list", &[0, 2, 69, 74]),
         Page::of::<tool::timesync::Args>(
             &[0, 2, 3, 65, 66, 69, 74, 78],

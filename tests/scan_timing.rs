@@ -235,3 +235,42 @@ fn the_angle_jitter_of_one_half_is_taken_out_by_the_other_halfs_model() {
         assert!(at_once_deg < 0.0096, "{at_once_deg}");
     }
 }
+
+#[test]
+fn the_program_learns_the_angle_jitter_and_takes_it_out() {
+    let Some(path) = recording("20210302_lms511.cola") else {
+        return;
+    };
+    let run = |args: &[&str]| {
+        let program = std::process::Command::new(env!("CARGO_BIN_EXE_scan-capture"))
+            .arg("--replay")
+            .arg(&path)
+            .args(args)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&program.stderr).into_owned();
+        assert!(program.status.success(), "{stderr}");
+        program.stdout
+    };
+    let model = Path::new(env!("CARGO_TARGET_TMPDIR")).join("jitter.toml");
+    let text = run(&["--angle-jitter", "learn"]);
+    std::fs::write(&model, &text).unwrap();
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.contains("serial_number = 18110550"), "{text}");
+    let angles = |args: &[&str]| -> Vec<f64> {
+        let stdout = run(args);
+        let mut reader = csv::Reader::from_reader(&stdout[..]);
+        let header = reader.headers().unwrap().clone();
+        let at = header.iter().position(|c| c == "angle_min_rad").unwrap();
+        let rows = reader
+            .records()
+            .map(|row| row.unwrap()[at].parse().unwrap());
+        rows.collect()
+    };
+    let plain = angles(&[]);
+    let turned = angles(&["--angle-jitter", model.to_str().unwrap()]);
+    assert_eq!(plain.len(), turned.len());
+    let by_deg = plain.iter().zip(&turned).map(|(a, b)| (b - a).to_degrees());
+    let (_, sd_deg) = mean_and_sd(by_deg.skip(1));
+    assert!((0.008..0.020).contains(&sd_deg), "{sd_deg}");
+}

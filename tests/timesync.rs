@@ -435,6 +435,23 @@ fn a_scanner_follows_a_time_server() {
 }
 
 #[test]
+fn a_poll_survives_a_restart_of_the_scanner() {
+    let dir = scratch("timesync-restart");
+    let scanner = Scanner::new(&dir, "--faults reboot=1s@3s --uptime-s 100");
+    let address = &scanner.address;
+    let poll = format!("timesync poll {address} --for 15s --rate 50 > log.csv");
+    let ended = sh(&dir, &poll).expect(3);
+    assert!(
+        ended.stderr.contains("connecting again"),
+        "{}",
+        ended.stderr
+    );
+    let found = json(&dir, "timesync fit --json log.csv");
+    assert_eq!(found["events"][0]["what"], "restarted", "{found}");
+    assert!(!found["sessions"].as_array().unwrap().is_empty());
+}
+
+#[test]
 fn a_poll_ends_on_a_signal() {
     let dir = scratch("timesync-signal");
     let scanner = Scanner::new(&dir, "");

@@ -380,6 +380,16 @@ impl Command {
         Some(free)
     }
 
+    /// The first byte of the request on RS-485: the command above the unit's address. Only commands
+    /// up to 0x0F and addresses up to 15 have room in it.
+    pub const fn bus_byte(self, address: u8) -> Option<u8> {
+        if self.byte() < 0x10 && address < 0x10 {
+            Some(self.byte() << 4 | address)
+        } else {
+            None
+        }
+    }
+
     /// Whether its reply is a measurement, which the continuous mode can send.
     pub fn is_measurement(self) -> bool {
         self.words().iter().any(|word| {
@@ -516,6 +526,14 @@ mod tests {
             None
         );
         assert_eq!(Command::Tare.free_arguments(&[0x0F]), None);
+    }
+
+    #[test]
+    fn few_commands_fit_on_a_bus() {
+        assert_eq!(Command::StabilisedEuler.bus_byte(3), Some(0xE3));
+        assert_eq!(Command::StabilisedEuler.bus_byte(16), None);
+        assert_eq!(Command::StabilisedEulerAccelRate.bus_byte(1), None);
+        assert_eq!(Command::SetContinuous.bus_byte(1), None);
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! - [`framer`] replies from a byte stream, whatever was lost; [`pace`] what the ticks tell of it
 //! - [`timing`] when a sample was taken; [`attitude`] the three forms of an attitude; [`samples`]
 //!   records from replies
+//! - [`conventions`] which of the disputed signs a unit follows
 //! - [`session`] the talk with a unit: speed, start, stop, questions, cells; [`unit_file`] what a
 //!   recording needs beside it
 //!
@@ -21,6 +22,7 @@
 
 pub mod attitude;
 pub mod command;
+pub mod conventions;
 pub mod eeprom;
 pub mod emulator;
 pub mod framer;

@@ -75,6 +75,9 @@ pub enum SessionError {
         /// What is in it.
         got: u16,
     },
+    /// A command that has no room on RS-485.
+    #[error("{0} cannot be asked on RS-485: only commands up to 0x0F can")]
+    NotOnBus(Command),
     /// The caller wants to end.
     #[error("interrupted")]
     Interrupted,
@@ -125,6 +128,8 @@ pub struct Session {
     queue: VecDeque<Arrived>,
     buffer: Vec<u8>,
     streaming: Option<Command>,
+    /// Address of the unit on RS-485.
+    bus: Option<u8>,
 }
 
 impl Session {
@@ -145,7 +150,40 @@ impl Session {
         let bauds = if bauds.is_empty() { &BAUD_RATES } else { bauds };
         let first = bauds.first().copied().unwrap_or(38_400);
         let connection = Connection::open(endpoint, 0, first, Duration::from_secs(2))?;
-        let mut framer = Framer::new(first);
+        let mut session = Session::new(connection, first, keep, tap, None);
+        session.find_speed(bauds, patience)?;
+        Ok(session)
+    }
+
+    /// Opens a port to the unit with `address` on RS-485, where it only answers questions.
+    ///
+    /// # Errors
+    /// As [`Session::open`]; also where the port cannot send a ninth bit.
+    pub fn open_on_bus(
+        endpoint: &Endpoint,
+        address: u8,
+        bauds: &[u32],
+        keep: &[Command],
+        tap: Option<Tap>,
+        patience: &Patience<'_>,
+    ) -> Result<Session, SessionError> {
+        let bauds = if bauds.is_empty() { &BAUD_RATES } else { bauds };
+        let first = bauds.first().copied().unwrap_or(38_400);
+        let connection = Connection::open_addressed(endpoint, first)?;
+        let mut session = Session::new(connection, first, keep, tap, Some(address));
+        session.framer.expect_also(Command::Temperature);
+        session.find_speed(bauds, patience)?;
+        Ok(session)
+    }
+
+    fn new(
+        connection: Connection,
+        baud: u32,
+        keep: &[Command],
+        tap: Option<Tap>,
+        bus: Option<u8>,
+    ) -> Session {
+        let mut framer = Framer::new(baud);
         framer.expect(&[
             Command::SetContinuous,
             Command::Firmware,
@@ -154,17 +192,16 @@ impl Session {
             Command::WriteEepromChecked,
         ]);
         keep.iter().for_each(|command| framer.expect_also(*command));
-        let mut session = Session {
+        Session {
             connection,
             framer,
-            baud: first,
+            baud,
             tap,
             queue: VecDeque::new(),
             buffer: vec![0; 4096],
             streaming: None,
-        };
-        session.find_speed(bauds, patience)?;
-        Ok(session)
+            bus,
+        }
     }
 
     fn find_speed(&mut self, bauds: &[u32], patience: &Patience<'_>) -> Result<(), SessionError> {
@@ -176,7 +213,11 @@ impl Session {
                 self.baud = *baud;
                 // The first may be taken for the rest of a command that was cut off.
                 for _ in 0..2 {
-                    if self.try_stop(STOP_WAIT, patience)? && self.is_there(patience)? {
+                    if self.bus.is_some() {
+                        if self.is_there(patience)? {
+                            return Ok(());
+                        }
+                    } else if self.try_stop(STOP_WAIT, patience)? && self.is_there(patience)? {
                         return Ok(());
                     }
                 }
@@ -197,13 +238,15 @@ impl Session {
         }
     }
 
-    /// Whether somebody answers with a firmware number.
+    /// Whether somebody answers a question that changes nothing.
     fn is_there(&mut self, patience: &Patience<'_>) -> Result<bool, SessionError> {
-        self.send(Command::Firmware, &[])?;
+        let question = match self.bus {
+            None => Command::Firmware,
+            Some(_) => Command::Temperature,
+        };
+        self.send(question, &[])?;
         let due = Instant::now() + ANSWER_WAIT;
-        let found = self.await_reply(due, patience, |packet| {
-            packet.command() == Command::Firmware
-        })?;
+        let found = self.await_reply(due, patience, |packet| packet.command() == question)?;
         Ok(found.is_some())
     }
 
@@ -254,7 +297,15 @@ impl Session {
     /// [`SessionError::Link`].
     pub fn send(&mut self, command: Command, free: &[u8]) -> Result<(), SessionError> {
         let bytes = command.request(free).unwrap_or_default();
-        self.connection.write_all(&bytes, WRITE_WAIT)?;
+        let Some(address) = self.bus else {
+            self.connection.write_all(&bytes, WRITE_WAIT)?;
+            return Ok(());
+        };
+        let first = command
+            .bus_byte(address)
+            .ok_or(SessionError::NotOnBus(command))?;
+        let rest = bytes.get(1..).unwrap_or_default();
+        self.connection.write_addressed(first, rest, WRITE_WAIT)?;
         Ok(())
     }
 
@@ -338,7 +389,7 @@ impl Session {
         self.framer.expect_also(command);
         let wait = wait + Duration::from_secs_f64(2.0 * wire_time_s(31, self.baud));
         for turn in 0..times {
-            if turn > 0 && command != Command::Firmware {
+            if turn > 0 && self.bus.is_none() && command != Command::Firmware {
                 // Answers come in the order of the questions: behind this one none is late.
                 self.is_there(patience)?;
             }
@@ -373,6 +424,13 @@ impl Session {
     /// # Errors
     /// [`SessionError::NoAnswer`].
     pub fn identity(&mut self, patience: &Patience<'_>) -> Result<Identity, SessionError> {
+        if self.bus.is_some() {
+            // The questions for it have no room there; the predecessor's cell stands for one.
+            return Ok(Identity {
+                firmware: 0,
+                serial: self.cell(eeprom::SERIAL_CELL, patience)?,
+            });
+        }
         Ok(Identity {
             firmware: self.number(Command::Firmware, &[], patience)?,
             serial: self.number(Command::SerialNumber, &[], patience)?,
@@ -384,8 +442,52 @@ impl Session {
     /// # Errors
     /// [`SessionError::NoAnswer`].
     pub fn cell(&mut self, address: u16, patience: &Patience<'_>) -> Result<u16, SessionError> {
+        if self.bus.is_some() {
+            return self.bare_cell(address, patience);
+        }
         let free = address.to_be_bytes();
         self.number(Command::ReadEepromChecked, &free, patience)
+    }
+
+    /// Reads a cell as it is done on RS-485: two bytes without header and sum, so that it is read
+    /// until two answers agree.
+    fn bare_cell(&mut self, address: u16, patience: &Patience<'_>) -> Result<u16, SessionError> {
+        let start = Instant::now();
+        let free = [u8::try_from(address).unwrap_or(u8::MAX)];
+        let mut before = None;
+        for _ in 0..2 * TIMES {
+            // What comes late belongs to another question.
+            while self.read(Duration::from_millis(20))? && start.elapsed() < ANSWER_WAIT * TIMES {}
+            while let Some(arrived) = self.framer.next() {
+                self.queue.push_back(arrived);
+            }
+            self.send(Command::ReadEeprom, &free)?;
+            let due = Instant::now() + ANSWER_WAIT;
+            let mut answer = Vec::new();
+            while answer.len() < 2 && Instant::now() < due {
+                if (patience.interrupted)() {
+                    return Err(SessionError::Interrupted);
+                }
+                let left = due.saturating_duration_since(Instant::now());
+                let received = self
+                    .connection
+                    .read(&mut self.buffer, left.min(SLICE))?
+                    .map_or(0, |received| received.bytes);
+                answer.extend_from_slice(self.buffer.get(..received).unwrap_or_default());
+            }
+            if let [high, low] = answer[..] {
+                let value = u16::from_be_bytes([high, low]);
+                if before.replace(value) == Some(value) {
+                    return Ok(value);
+                }
+            }
+        }
+        Err(SessionError::NoAnswer {
+            place: self.place().to_owned(),
+            asked: Command::ReadEeprom.to_string(),
+            waited_s: start.elapsed().as_secs_f64(),
+            times: 2 * TIMES,
+        })
     }
 
     /// Writes a cell and reads it back. What must not be written is the caller's to know
@@ -400,7 +502,13 @@ impl Session {
         patience: &Patience<'_>,
     ) -> Result<(), SessionError> {
         let free = [address.to_be_bytes(), value.to_be_bytes()].concat();
-        self.ask(Command::WriteEepromChecked, &free, patience)?;
+        match self.bus {
+            None => {
+                self.ask(Command::WriteEepromChecked, &free, patience)?;
+            }
+            // Its bare answer is the value, which reading it back tells as well.
+            Some(_) => self.send(Command::WriteEeprom, free.get(1..).unwrap_or_default())?,
+        }
         let got = self.cell(address, patience)?;
         if got == value {
             return Ok(());

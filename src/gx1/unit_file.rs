@@ -24,6 +24,9 @@ pub struct UnitFile {
     /// How often they were polled, Hz; absent where the first was streamed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poll_hz: Option<f64>,
+    /// Its address on RS-485; absent on RS-232.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bus_address: Option<u8>,
     /// Factors of the tick, cells 238, 240, 242, 246.
     pub tick_factors: [u16; 4],
     /// Gains, cells 230, 130, 232.
@@ -54,6 +57,7 @@ impl UnitFile {
             baud,
             commands: Vec::new(),
             poll_hz: None,
+            bus_address: None,
             tick_factors: tick.0,
             accel_gain: gains.accel,
             rate_gain: gains.rate,

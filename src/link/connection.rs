@@ -1,5 +1,6 @@
 //! An open line to a device (or, for an emulated device, to its user).
 
+use super::ninth_bit::NinthBit;
 use super::{Endpoint, HostInstant, Pty};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -63,6 +64,7 @@ enum Transport {
 pub struct Connection {
     transport: Transport,
     place: String,
+    ninth_bit: Option<NinthBit>,
 }
 
 impl Connection {
@@ -117,6 +119,60 @@ impl Connection {
         Ok(Connection {
             transport: Transport::Serial(Box::new(port)),
             place: path.to_owned(),
+            ninth_bit: None,
+        })
+    }
+
+    /// Opens a serial port at `baud` for an RS-485 line whose bytes have a ninth bit
+    /// ([`Connection::write_addressed`]).
+    ///
+    /// # Errors
+    /// [`LinkError::Open`] with the reason; also where the port cannot send a ninth bit.
+    pub fn open_addressed(endpoint: &Endpoint, baud: u32) -> Result<Connection, LinkError> {
+        let place = endpoint.to_string();
+        let fault = |reason: String| LinkError::Open {
+            place: place.clone(),
+            reason,
+        };
+        let Endpoint::Serial(path) = endpoint else {
+            return Err(fault("an RS-485 line is a serial port".to_owned()));
+        };
+        let ninth_bit = NinthBit::open(path).map_err(|error| fault(plain(&error)))?;
+        let mut connection = Connection::serial(&path.to_string_lossy(), baud)?;
+        if !ninth_bit.set(false).map_err(|error| fault(plain(&error)))? {
+            let reason = "this port cannot send a ninth bit (mark and space parity), which \
+                          addresses on RS-485 need; use one whose driver can, or RS-232";
+            return Err(fault(reason.to_owned()));
+        }
+        connection.ninth_bit = Some(ninth_bit);
+        Ok(connection)
+    }
+
+    /// Writes `first` with its ninth bit set and `rest` without, on a line opened by
+    /// [`Connection::open_addressed`].
+    pub fn write_addressed(
+        &mut self,
+        first: u8,
+        rest: &[u8],
+        timeout: Duration,
+    ) -> Result<(), LinkError> {
+        self.mark(true)?;
+        self.write_all(&[first], timeout)?;
+        self.mark(false)?;
+        self.write_all(rest, timeout)
+    }
+
+    fn mark(&self, mark: bool) -> Result<(), LinkError> {
+        let set = match &self.ninth_bit {
+            Some(ninth_bit) => ninth_bit.set(mark).map_err(|error| self.fault(error))?,
+            None => false,
+        };
+        if set {
+            return Ok(());
+        }
+        Err(LinkError::Io {
+            place: self.place.clone(),
+            reason: "the line has no ninth bit".to_owned(),
         })
     }
 
@@ -132,6 +188,7 @@ impl Connection {
         Ok(Connection {
             transport: Transport::Tcp(stream),
             place,
+            ninth_bit: None,
         })
     }
 
@@ -140,6 +197,7 @@ impl Connection {
         Connection {
             place: pty.path().display().to_string(),
             transport: Transport::Pty(pty),
+            ninth_bit: None,
         }
     }
 
@@ -433,6 +491,17 @@ mod tests {
         let there = Connection::from_pty(pty);
         let here = Connection::open(&endpoint, 0, 115_200, WAIT).unwrap();
         exchange(here, there);
+    }
+
+    #[test]
+    fn a_port_without_a_ninth_bit_is_refused() {
+        // The kernel drops the parity of pseudo terminals.
+        let pty = Pty::open().unwrap();
+        let endpoint = Endpoint::Serial(pty.path().to_owned());
+        let error = Connection::open_addressed(&endpoint, 38_400).err().unwrap();
+        assert!(error.to_string().contains("ninth bit"), "{error}");
+        let mut plain = Connection::open(&endpoint, 0, 38_400, WAIT).unwrap();
+        assert!(plain.write_addressed(1, &[2], WAIT).is_err());
     }
 
     #[test]

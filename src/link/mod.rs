@@ -25,6 +25,7 @@ pub mod emulation;
 mod endpoint;
 pub mod faults;
 mod host_clock;
+mod ninth_bit;
 mod pacing;
 mod ports;
 mod pty;

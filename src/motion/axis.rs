@@ -29,6 +29,8 @@ pub(super) struct Level {
     pub acceleration_psd: f64,
     /// White jerk, m^2/s^5.
     pub jerk_psd: f64,
+    /// How long it lasts on average, s.
+    pub stay_s: f64,
 }
 
 /// How many levels there are at most.
@@ -41,8 +43,6 @@ pub(super) struct Character {
     pub levels: [Level; LEVELS],
     /// How many of them are used.
     pub used: usize,
-    /// How long a level lasts on average, s.
-    pub stay_s: f64,
     /// Standard deviation of the velocity at the start, m/s.
     pub velocity_sigma: f64,
     /// Standard deviation of the acceleration at the start, m/s^2.
@@ -87,10 +87,16 @@ pub(super) struct Axis {
     started: bool,
     /// Measurements in a row that contradicted every level.
     refused: u32,
+    /// How far the component can have got away from what every level expects, m.
+    allowance: f64,
 }
 
+/// How probable it is that a stream starts at rest. Two poses tell if it does not.
+const START_AT_REST: f64 = 0.8;
 /// A measurement this many standard deviations off is not believed at once...
 const REFUSE_SIGMAS: f64 = 8.0;
+/// ... unless an acceleration that no level expects, m/s^2 or rad/s^2, explains it ...
+const REFUSE_ACCELERATION: f64 = 5.0;
 /// ... but when it comes this often in a row, the filter was wrong.
 const REFUSE_AT_MOST: u32 = 2;
 /// A level is never given up: what it needs to come back in one or two measurements.
@@ -109,6 +115,7 @@ impl Axis {
             probability: [0.0; LEVELS],
             started: false,
             refused: 0,
+            allowance: 0.0,
         }
     }
 
@@ -148,8 +155,13 @@ impl Axis {
             };
         }
         self.probability = [0.0; LEVELS];
-        for probability in self.probability.iter_mut().take(c.used) {
-            *probability = 1.0 / c.used as f64;
+        let others = c.used.max(2) as f64 - 1.0;
+        for (level, probability) in c.levels.iter().zip(&mut self.probability).take(c.used) {
+            *probability = match (c.used, level.order) {
+                (1, _) => 1.0,
+                (_, Order::Rest) => START_AT_REST,
+                _ => (1.0 - START_AT_REST) / others,
+            };
         }
         self.started = true;
         self.refused = 0;
@@ -161,6 +173,7 @@ impl Axis {
             return;
         }
         self.mix(span_s);
+        self.allowance = REFUSE_ACCELERATION * span_s * span_s;
         let levels = self.character.levels.iter().zip(&mut self.estimates);
         for (level, estimate) in levels.take(self.character.used) {
             let f = transition(span_s);
@@ -181,12 +194,21 @@ impl Axis {
         if n < 2 {
             return;
         }
-        let leave = -(-span_s.abs() / self.character.stay_s).exp_m1();
-        let other = leave / (n as f64 - 1.0);
+        let leave = self
+            .character
+            .levels
+            .map(|level| -(-span_s.abs() / level.stay_s).exp_m1());
         let before = self.estimates;
         let was = self.probability;
         for to in 0..n {
-            let weight = |from: usize| was[from] * if from == to { 1.0 - leave } else { other };
+            let weight = |from: usize| {
+                was[from]
+                    * if from == to {
+                        1.0 - leave[from]
+                    } else {
+                        leave[from] / (n as f64 - 1.0)
+                    }
+            };
             let total: f64 = (0..n).map(weight).sum();
             self.probability[to] = total;
             let order = self.character.levels[to].order;
@@ -254,8 +276,8 @@ impl Axis {
         }
         let believable = self.used().any(|(_, e, _)| {
             let expected = e.covariance[(0, 0)] + variance;
-            let off = position - e.state[0];
-            off * off <= REFUSE_SIGMAS * REFUSE_SIGMAS * expected
+            let off = (position - e.state[0]).abs() - self.allowance;
+            off <= REFUSE_SIGMAS * expected.sqrt()
         });
         if !believable {
             self.refused += 1;

@@ -349,3 +349,7 @@ fn apply(pose: &mut Pose, increment: &Increment, delay_sigma_s: f64) {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "carry_tests.rs"]
+mod tests;

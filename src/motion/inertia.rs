@@ -89,6 +89,11 @@ impl Inertia {
         }
     }
 
+    /// When the newest sample was taken.
+    pub fn newest(&self) -> Option<Stamp> {
+        self.readings.back().map(|reading| reading.stamp)
+    }
+
     /// Whether there are no samples.
     pub(super) fn is_empty(&self) -> bool {
         self.readings.is_empty()

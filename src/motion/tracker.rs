@@ -4,69 +4,77 @@
 //! Angles are kept as turns away from a reference attitude that follows the platform, so that they
 //! stay small and nothing depends on how roll, pitch and yaw are chosen.
 
-use super::axis::{Axis, Character, Level, Order, Push, Shift};
+use super::axis::{Axis, Character, LEVELS, Level, Order, Push, Shift};
 use super::turn;
 use crate::record::Stamp;
 use nalgebra::{UnitQuaternion, Vector3};
 
-const fn rest(position_psd: f64) -> Level {
+const fn rest(position_psd: f64, stay_s: f64) -> Level {
     Level {
         order: Order::Rest,
         position_psd,
         acceleration_psd: 0.0,
         jerk_psd: 0.0,
+        stay_s,
     }
 }
 
-const fn velocity(acceleration_psd: f64) -> Level {
+const fn velocity(acceleration_psd: f64, stay_s: f64) -> Level {
     Level {
         order: Order::Velocity,
         position_psd: 0.0,
         acceleration_psd,
         jerk_psd: 0.0,
+        stay_s,
     }
 }
 
-const fn acceleration(acceleration_psd: f64, jerk_psd: f64) -> Level {
+const fn acceleration(acceleration_psd: f64, jerk_psd: f64, stay_s: f64) -> Level {
     Level {
         order: Order::Acceleration,
         position_psd: 0.0,
         acceleration_psd,
         jerk_psd,
+        stay_s,
     }
 }
 
 /// Rest, cruise, and starts of some m/s^2.
 const CONSTANT_VELOCITY: [Character; 2] = [
     Character {
-        levels: [rest(1e-9), velocity(0.02), velocity(2.0)],
+        levels: [rest(1e-9, 5.0), velocity(0.02, 5.0), velocity(0.5, 1.0)],
         used: 3,
-        stay_s: 0.5,
         velocity_sigma: 1.5,
         acceleration_sigma: 0.0,
     },
     Character {
-        levels: [rest(1e-9), velocity(1e-3), velocity(0.3)],
+        levels: [rest(1e-10, 5.0), velocity(1e-3, 5.0), velocity(0.1, 1.0)],
         used: 3,
-        stay_s: 0.5,
         velocity_sigma: 0.3,
         acceleration_sigma: 0.0,
     },
 ];
 
-/// Rest, a smooth move, and one with jerks of some 50 m/s^3.
+/// Rest, a smooth move, and the jerk between the two, which is short. Chosen on simulated runs
+/// (`make delay-table`): livelier levels follow a start sooner and pass on more noise at a cruise.
 const CONSTANT_ACCELERATION: [Character; 2] = [
     Character {
-        levels: [rest(1e-9), acceleration(0.0, 0.3), acceleration(0.0, 100.0)],
+        levels: [
+            rest(1e-9, 8.0),
+            acceleration(0.0, 0.2, 8.0),
+            acceleration(0.0, 30.0, 0.1),
+        ],
         used: 3,
-        stay_s: 0.5,
         velocity_sigma: 1.5,
         acceleration_sigma: 3.0,
     },
     Character {
-        levels: [rest(1e-9), acceleration(0.0, 0.01), acceleration(0.0, 30.0)],
+        levels: [
+            rest(1e-10, 8.0),
+            acceleration(0.0, 0.01, 8.0),
+            acceleration(0.0, 10.0, 0.1),
+        ],
         used: 3,
-        stay_s: 0.5,
         velocity_sigma: 0.3,
         acceleration_sigma: 2.0,
     },
@@ -76,19 +84,17 @@ const CONSTANT_ACCELERATION: [Character; 2] = [
 /// slowly as gravity tilts into it; of an angle, the bias of the rate.
 const INERTIAL: [Character; 2] = [
     Character {
-        levels: [acceleration(1e-4, 1e-3); 3],
+        levels: [acceleration(1e-4, 1e-3, 1.0); LEVELS],
         used: 1,
-        stay_s: 1.0,
         velocity_sigma: 1.5,
         acceleration_sigma: 0.5,
     },
     Character {
         levels: [Level {
             position_psd: 1e-6,
-            ..velocity(1e-7)
-        }; 3],
+            ..velocity(1e-7, 1.0)
+        }; LEVELS],
         used: 1,
-        stay_s: 1.0,
         velocity_sigma: 0.03,
         acceleration_sigma: 0.0,
     },
@@ -164,6 +170,8 @@ pub(super) struct Tracker {
     taught: [bool; 6],
 }
 
+/// No pose is better than this, m^2 or rad^2, whatever its covariance says: a micrometre.
+const LEAST_VARIANCE: f64 = 1e-12;
 /// After a pause as long as this the motion is not the same any more.
 const FORGET_S: f64 = 1.0;
 
@@ -203,7 +211,7 @@ impl Tracker {
         self.taught = [false; 6];
         match span_s {
             Some(s) if s > 0.0 && s <= FORGET_S => self.predict(s, impulse),
-            Some(s) if s <= 0.0 && s >= -FORGET_S => return,
+            Some(s) if (-FORGET_S..=0.0).contains(&s) => return,
             _ => {
                 for axis in &mut self.axes {
                     *axis = Axis::new(*axis.character());
@@ -220,7 +228,7 @@ impl Tracker {
             let known = i < 3 || measured.angles[i - 3];
             let variance = measured.variance[i];
             if known && value.is_finite() && variance.is_finite() {
-                self.taught[i] = axis.update(*value, variance);
+                self.taught[i] = axis.update(*value, variance.max(LEAST_VARIANCE));
             }
         }
     }

@@ -347,6 +347,18 @@ impl Correction {
         (self.corrected, self.passed)
     }
 
+    /// Turns the next scan in place, by the period before it.
+    pub fn turn(&mut self, scan: &mut Scan) {
+        let period_us = self.period_us(scan);
+        match period_us {
+            Some(us) => {
+                scan.angle_min_rad += (us * self.model.at_once_deg_per_us).to_radians();
+                self.corrected += 1;
+            }
+            None => self.passed += 1,
+        }
+    }
+
     /// Takes the next scan and gives the one that is ready: this one, or, one scan late, the one
     /// before.
     pub fn push(&mut self, scan: &Scan) -> Option<&Scan> {

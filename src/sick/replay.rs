@@ -15,6 +15,7 @@
 //! (output divider) or the mean of n (mean filter), the scan counter advances by n from telegram to
 //! telegram; the telegram counter tells that from a loss.
 
+use super::angle_jitter::{AngleJitter, Correction, Delay};
 use super::scan::{self, BeamTiming, ScanError};
 use super::scandata::LmdScandata;
 use super::succession::{Step, Succession};
@@ -42,6 +43,8 @@ pub struct Settings {
     pub aperture_start_rad: f64,
     /// Smallest range the device can measure, m; none is the smallest it can send.
     pub range_min_m: Option<f64>,
+    /// The scanner's angle jitter, which is taken out of every scan by the period before it.
+    pub angle_jitter: Option<AngleJitter>,
 }
 
 impl Default for Settings {
@@ -53,6 +56,7 @@ impl Default for Settings {
             index_to_first_beam_s: 0.0,
             aperture_start_rad: (-5.0f64).to_radians(),
             range_min_m: None,
+            angle_jitter: None,
         }
     }
 }
@@ -91,6 +95,7 @@ pub struct Replay {
     /// Stamp and period of the newest scan, for the time after a restart.
     newest: Option<(Stamp, f64)>,
     any_arrival: bool,
+    jitter: Option<Correction>,
     scan: Scan,
 }
 
@@ -144,7 +149,9 @@ impl Key {
 impl Replay {
     /// A replay at the start of a stream.
     pub fn new(settings: Settings) -> Replay {
+        let jitter = settings.angle_jitter.clone();
         Replay {
+            jitter: jitter.map(|model| Correction::new(model, Delay::None)),
             settings,
             counts: Counts::default(),
             session: None,
@@ -236,6 +243,10 @@ impl Replay {
         record.stamp = index.plus_s(timing.first_beam_s(record.angle_min_rad));
         if let Some(info) = &mut record.info {
             info.transmit = Some(Stamp::from_ns(transmit_us * 1000));
+        }
+        // The stamp is the first beam's where the scan is nominally; the jitter is below 0.1 us.
+        if let Some(jitter) = &mut self.jitter {
+            jitter.turn(record);
         }
         self.newest = Some((record.stamp, timing.period_s));
         self.counts.scans += 1;

@@ -125,40 +125,34 @@ impl Calendar {
         ))
     }
 
-    /// The date and time of an instant, cut to microseconds; none outside the years 1970 to 2261.
+    /// The date and time of an instant in the proleptic Gregorian calendar, cut to microseconds;
+    /// none before 1970.
     pub fn at(stamp: Stamp) -> Option<Calendar> {
         let us = stamp.ns().div_euclid(1000);
         let (seconds, microsecond) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
-        let (mut days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-        let year_days = |year: i64| {
-            let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
-            if leap { 366 } else { 365 }
+        let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
+        // Days since 0000-03-01, so that a leap day is the last of its year; 400 years are 146 097
+        // days.
+        let days = days + 719_468;
+        let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+        let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+        let day = day - (365 * year + year / 4 - year / 100);
+        let month = (5 * day + 2) / 153;
+        let day = day - (153 * month + 2) / 5 + 1;
+        let (month, carry) = if month < 10 {
+            (month + 3, 0)
+        } else {
+            (month - 9, 1)
         };
-        if days < 0 {
-            return None;
-        }
-        let mut year = 1970;
-        while days >= year_days(year) {
-            days -= year_days(year);
-            year += 1;
-        }
-        let february = year_days(year) - 337;
-        let mut month = 1;
-        for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
-            if days < length {
-                break;
-            }
-            days -= length;
-            month += 1;
-        }
+        let year = u16::try_from(era * 400 + year + carry).ok();
         Some(Calendar {
-            year: u16::try_from(year).ok()?,
-            month,
-            day: u8::try_from(days + 1).ok()?,
-            hour: u8::try_from(second / 3600).ok()?,
-            minute: u8::try_from(second / 60 % 60).ok()?,
-            second: u8::try_from(second % 60).ok()?,
-            microsecond: u32::try_from(microsecond).ok()?,
+            year: year.filter(|year| *year >= 1970)?,
+            month: month as u8,
+            day: day as u8,
+            hour: (second / 3600) as u8,
+            minute: (second / 60 % 60) as u8,
+            second: (second % 60) as u8,
+            microsecond: microsecond as u32,
         })
     }
 

@@ -467,3 +467,78 @@ fn every_model_and_mode_runs_with_every_effect() {
         }
     }
 }
+
+#[test]
+fn what_is_passed_over_changes_nothing_behind_it() {
+    let course = || {
+        let at = |y| Pose {
+            position_m: Vector3::new(0.0, y, 2.0),
+            rotation_rad: Vector3::zeros(),
+        };
+        let motion = Straight {
+            from: at(-1.0),
+            to: at(1.0),
+            speed_m_s: 2.0,
+        };
+        Course::Moving {
+            truth: Box::new(motion),
+            desired: Box::new(motion),
+            lag_s: 0.0,
+        }
+    };
+    let effects = "reference,motion,angle-jitter";
+    let all = steps(setup(frame(), course(), effects));
+    let mut simulator = Simulator::new(setup(frame(), course(), effects));
+    for (number, due) in all.iter().enumerate() {
+        if number % 3 == 1 {
+            assert_eq!(simulator.pass(), Some(due.complete));
+        } else {
+            let step = simulator.advance().unwrap();
+            assert_eq!(step.scan, due.scan);
+            assert_eq!((step.truth, step.complete), (due.truth, due.complete));
+        }
+    }
+    assert_eq!(simulator.pass(), None);
+    assert!(simulator.advance().is_none());
+}
+
+#[test]
+fn another_mode_goes_on_along_the_course() {
+    let mut setup = setup(frame(), at_rest(scattered(1)), "none");
+    let at = |y| Pose {
+        position_m: Vector3::new(0.0, y, 2.0),
+        rotation_rad: Vector3::zeros(),
+    };
+    let motion = Straight {
+        from: at(-1.0),
+        to: at(1.0),
+        speed_m_s: 1.0,
+    };
+    setup.course = Course::Moving {
+        truth: Box::new(motion),
+        desired: Box::new(motion),
+        lag_s: 0.0,
+    };
+    let model = setup.model;
+    let mut simulator = Simulator::new(setup);
+    // 35 scans of 35 Hz are a second of two.
+    for _ in 0..35 {
+        simulator.advance().unwrap();
+    }
+    simulator.set_mode(model.mode(100.0, 1.0).unwrap());
+    let step = simulator.advance().unwrap();
+    assert_eq!((step.scan.seq, step.scan.beams()), (35, 191));
+    let since_s = step.scan.stamp.since_s(START);
+    assert!((since_s - 1.0).abs() < 1e-6, "{since_s}");
+    assert!((step.scan.scan_time_s - 0.01).abs() < 1e-12);
+    // The truth is that of the instant, whatever the mode.
+    let truth = step.truth;
+    let due_m = truth.stamp.since_s(START) - 1.0;
+    assert!((truth.position_m[1] - due_m).abs() < 1e-9);
+    let mut left = 1;
+    while let Some(step) = simulator.advance() {
+        left += 1;
+        assert!(step.complete.since_s(START) < 2.0 + 1e-6);
+    }
+    assert!((98..=101).contains(&left), "{left}");
+}

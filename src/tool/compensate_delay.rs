@@ -53,9 +53,10 @@ struct DelayArgs {
     /// Standard deviation of the delay [default: 0, or the result's]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     delay_sigma: Option<Duration>,
-    /// What the poses' stamps say
-    #[arg(long, value_enum, value_name = "WHICH", default_value_t = Stamps::Measured)]
-    stamps: Stamps,
+    /// What the poses' stamps say [default: measured; used with --delay-from, whose delay is how
+    /// late the stamps are]
+    #[arg(long, value_enum, value_name = "WHICH")]
+    stamps: Option<Stamps>,
     /// A pose that would be carried further is emptied, status extrapolated-too-far
     #[arg(long, value_name = "TIME", default_value = "500ms", value_parser = parse_duration)]
     max_horizon: Duration,
@@ -188,7 +189,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         imu: imu.map(|side| (side, motion.imu_wait)),
         stream_imu: method == CarryMethod::Imu && motion.imu.is_none(),
         delay_s,
-        use_at: match (to_now, args.delay.stamps) {
+        use_at: match (to_now, args.delay.stamps()) {
             (true, _) => UseAt::Writing,
             (false, Stamps::Measured) => UseAt::Later,
             (false, Stamps::Used) => UseAt::Stamp,
@@ -200,10 +201,18 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 }
 
 impl DelayArgs {
+    fn stamps(&self) -> Stamps {
+        self.stamps.unwrap_or(match self.delay_from {
+            Some(_) => Stamps::Used,
+            None => Stamps::Measured,
+        })
+    }
+
     /// The delay and its standard deviation, s.
     fn read(&self, to_now: bool) -> anyhow::Result<(f64, f64)> {
-        if to_now && self.stamps == Stamps::Used {
-            let why = "--to now moves the stamps: with --stamps used they stay";
+        if to_now && self.stamps() == Stamps::Used {
+            let why =
+                "--to now moves the stamps, --stamps used (which --delay-from means) keeps them";
             return Err(Fault::Usage(why.into()).into());
         }
         let given_s = self.delay_sigma.map(|sigma| sigma.as_secs_f64());

@@ -5,6 +5,7 @@ mod args;
 mod cola;
 mod serve;
 mod serve_args;
+mod serve_hokuyo;
 mod source;
 mod unit;
 

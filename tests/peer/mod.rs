@@ -339,7 +339,7 @@ pub fn words(command: Command, ticks: u16) -> Vec<u16> {
     let word = |(place, word): (usize, &Word)| match word {
         Word::Ticks => ticks,
         Word::Quaternion(0) | Word::Matrix(1, 1) | Word::Matrix(2, 2) | Word::Matrix(3, 3) => 8192,
-        Word::Quaternion(_) | Word::Matrix(..) => 0,
+        Word::Quaternion(_) | Word::Matrix(..) | Word::Roll | Word::Pitch | Word::Yaw => 0,
         // -1 g on Z at the factory's gain.
         Word::Accel(2) => (-3855i16).cast_unsigned(),
         Word::Accel(_) => 0,

@@ -5,6 +5,9 @@
 //! - [`commands`] the commands that this project uses, with typed arguments and answers
 //! - [`Client`] a session over a [`Connection`](crate::link::Connection): finds out the dialect, asks
 //!   and waits for the answer, and keeps the events that come in between
+//! - [`configure`] sets a device in the order that works and reads it back; [`modes`] the pairs of
+//!   frequency and resolution that there are; [`load`] whether a serial line carries them
+//! - [`facts`] everything that a device tells of itself
 //!
 //! A device answers in the order it is asked, but events (`sSN`) come at any time, also between a
 //! request and its reply. They are told apart by verb and name and none is lost.
@@ -12,11 +15,16 @@
 //! Sources: SICK telegram listing 8014631 and the recorded session of an LMS511.
 
 pub mod commands;
+pub mod configure;
+mod facts;
+pub mod load;
+pub mod modes;
 mod request;
 mod session;
 #[cfg(test)]
 mod session_tests;
 
+pub use facts::{Fact, facts};
 pub use request::{Refusal, Reply, Request, Value, Values, Verb};
 pub use session::{Client, ClientError, Incoming, Settings, Tap};
 

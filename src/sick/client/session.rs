@@ -313,6 +313,11 @@ impl Client {
         &mut self.line
     }
 
+    /// Gives the device more time for its answers; gives back how much it had.
+    pub fn set_patience(&mut self, answer: Duration) -> Duration {
+        std::mem::replace(&mut self.answer, answer)
+    }
+
     /// For so long after each request the answer is looked for without sleeping: a CPU that sleeps
     /// wakes up late, and by an amount that varies.
     pub fn set_spin(&mut self, spin: Duration) {

@@ -1,5 +1,6 @@
 //! The device's clocks: the counter since power-on, and the calendar that somebody may set.
 
+use crate::record::Stamp;
 use crate::sick::scandata::Calendar;
 
 /// An unset calendar begins so long after the counter, ns (recorded units: 0.2 s to 3.4 s).
@@ -61,35 +62,7 @@ impl DeviceClock {
             None => (counter_ns - CALENDAR_AFTER_NS).max(0),
         };
         let ms = ns.div_euclid(1_000_000);
-        let mut calendar = calendar_of(ms.div_euclid(1000));
-        calendar.microsecond = (ms.rem_euclid(1000) * 1000) as u32;
-        calendar
-    }
-}
-
-/// The proleptic Gregorian date and time of day of seconds since 1970.
-fn calendar_of(seconds: i64) -> Calendar {
-    let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    // Days since 0000-03-01, so that a leap day is the last of its year; 400 years are 146 097 days.
-    let days = days + 719_468;
-    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let day = day - (153 * month + 2) / 5 + 1;
-    let (month, carry) = if month < 10 {
-        (month + 3, 0)
-    } else {
-        (month - 9, 1)
-    };
-    Calendar {
-        year: (era * 400 + year + carry) as u16,
-        month: month as u8,
-        day: day as u8,
-        hour: (second / 3600) as u8,
-        minute: (second / 60 % 60) as u8,
-        second: (second % 60) as u8,
-        microsecond: 0,
+        Calendar::at(Stamp::from_ns(ms * 1_000_000)).unwrap_or_default()
     }
 }
 
@@ -100,8 +73,8 @@ mod tests {
 
     #[test]
     fn known_dates() {
-        let date = |seconds| {
-            let c = calendar_of(seconds);
+        let date = |seconds: i64| {
+            let c = Calendar::at(Stamp::from_ns(seconds * 1_000_000_000)).unwrap();
             (c.year, c.month, c.day, c.hour, c.minute, c.second)
         };
         // From `date -u -d @N`.
@@ -117,8 +90,8 @@ mod tests {
         /// The way back is the decoder's own, written independently.
         #[test]
         fn dates_lead_back(seconds in 0i64..9_000_000_000) {
-            let stamp = calendar_of(seconds).stamp().unwrap();
-            prop_assert_eq!(stamp.ns(), seconds * 1_000_000_000);
+            let stamp = Stamp::from_ns(seconds * 1_000_000_000 + 123_456_000);
+            prop_assert_eq!(Calendar::at(stamp).unwrap().stamp(), Some(stamp));
         }
     }
 

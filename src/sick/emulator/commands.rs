@@ -37,9 +37,14 @@ impl<S: Source> Emulator<S> {
         };
         let mut dialect = telegram.dialect;
         self.tally.requests += 1;
-        let result = match (client.speech, dialect) {
-            (Speech::Binary, Dialect::Text) => return,
-            (Speech::Text, Dialect::Binary) => {
+        let only = match client.speech {
+            Speech::Both => None,
+            Speech::Text => Some(Dialect::Text),
+            Speech::Host => Some(self.host_dialect),
+        };
+        let result = match (only, dialect) {
+            (Some(Dialect::Binary), Dialect::Text) => return,
+            (Some(Dialect::Text), Dialect::Binary) => {
                 dialect = Dialect::Text;
                 Err(Refusal::TextCharacter)
             }

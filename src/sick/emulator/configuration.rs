@@ -3,6 +3,7 @@
 
 use super::values::{Kind, Refusal, Request, Value};
 use crate::frame::{ScanMode, ScannerModel};
+use crate::sick::cola::Dialect;
 use std::collections::BTreeMap;
 
 /// The aperture, 1e-4 deg.
@@ -206,6 +207,20 @@ impl Configuration {
         }
     }
 
+    /// The dialect of the host port.
+    pub fn host_dialect(&self) -> Dialect {
+        match self.number("EIHstCola", 0) {
+            0 => Dialect::Text,
+            _ => Dialect::Binary,
+        }
+    }
+
+    /// Sets the dialect of the host port.
+    pub fn set_host_dialect(&mut self, dialect: Dialect) {
+        let value = Value::byte(u8::from(dialect == Dialect::Binary));
+        self.variables.insert("EIHstCola", vec![value]);
+    }
+
     /// Scan frequency, 1/100 Hz.
     pub fn frequency_raw(&self) -> u32 {
         (self.mode.frequency_hz * 100.0).round() as u32
@@ -268,7 +283,6 @@ impl Configuration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sick::cola::Dialect;
 
     fn factory() -> Configuration {
         let model = ScannerModel::by_name("lms511-hr").unwrap();

@@ -70,8 +70,8 @@ pub enum Speech {
     Both,
     /// CoLa A; to CoLa B it answers `sFA 11`.
     Text,
-    /// CoLa B; to CoLa A it is silent.
-    Binary,
+    /// The dialect that `EIHstCola` had at power-on. Set to CoLa B it is silent to CoLa A.
+    Host,
 }
 
 /// When the time of transmission is taken (the listing leaves it open for a polled scan).
@@ -127,6 +127,8 @@ pub struct Behaviour {
     pub mode: ScanMode,
     /// The dialects of its services, in their order.
     pub speech: Vec<Speech>,
+    /// What `EIHstCola` is at the start.
+    pub host_dialect: Dialect,
     /// How long it needs before it measures, from its start on.
     pub boot: Duration,
     /// The same after a reboot that a client asks for.
@@ -206,6 +208,8 @@ pub struct Emulator<S> {
     clock: DeviceClock,
     state: State,
     clients: BTreeMap<LineId, Client>,
+    /// What `EIHstCola` was at power-on.
+    host_dialect: Dialect,
     /// As written by clients; in the EEPROM; in force.
     written: Configuration,
     saved: Configuration,
@@ -215,6 +219,8 @@ pub struct Emulator<S> {
     origin_ns: Option<i64>,
     /// The revolution that comes next.
     next: Option<Revolution>,
+    /// True time of the zero index that was passed last, ns.
+    index_ns: i64,
     measured: LmdScandata,
     /// Whether `measured` holds channels.
     is_measured: bool,
@@ -246,6 +252,9 @@ impl<S: Source> Emulator<S> {
         behaviour.mode = source.fixed_mode().unwrap_or(behaviour.mode);
         let name = format!("SN {:08}", behaviour.identity.serial);
         let factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
+        let mut saved = factory.clone();
+        let host_dialect = behaviour.host_dialect;
+        saved.set_host_dialect(host_dialect);
         let uptime_ns = nanoseconds(behaviour.uptime);
         let mut clock = DeviceClock::new(behaviour.clock_ppm, uptime_ns);
         if let Some(calendar_ns) = behaviour.calendar_ns {
@@ -257,12 +266,14 @@ impl<S: Source> Emulator<S> {
             source,
             clock,
             clients: BTreeMap::new(),
-            written: factory.clone(),
-            saved: factory.clone(),
-            active: factory.clone(),
+            host_dialect,
+            written: saved.clone(),
+            active: saved.clone(),
+            saved,
             factory,
             origin_ns: None,
             next: None,
+            index_ns: 0,
             measured: LmdScandata::default(),
             is_measured: false,
             output: Output::default(),
@@ -314,13 +325,17 @@ impl<S: Source> Emulator<S> {
             return;
         }
         while self.next.is_none() {
-            let measured = !self.clients.is_empty();
             let mode = self.active.mode;
+            // What is certainly over needs not be measured; periods hunt by less than a tenth.
+            let latest_ns = self.index_ns + (1.1e9 / mode.frequency_hz) as i64;
+            let may_be_next = now_ns.is_none_or(|now_ns| latest_ns >= now_ns);
+            let measured = may_be_next && !self.clients.is_empty();
             let Some(revolution) = self.source.next(mode, measured, &mut self.measured) else {
                 self.over_ns = Some(self.due_last_ns);
                 return;
             };
             self.is_measured = measured;
+            self.index_ns = origin_ns + revolution.index_ns;
             if now_ns.is_none_or(|now_ns| origin_ns + revolution.index_ns >= now_ns) {
                 self.next = Some(revolution);
             }
@@ -488,6 +503,7 @@ impl<S: Source> Emulator<S> {
         self.state = State::Boot(now_ns + nanoseconds(boot));
         self.written = self.saved.clone();
         self.active = self.saved.clone();
+        self.host_dialect = self.saved.host_dialect();
         self.next = None;
         self.last_ns = None;
         self.scan_counter = 0;

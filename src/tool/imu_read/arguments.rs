@@ -103,10 +103,14 @@ impl CommandArgs {
         self.command.is_empty() && self.quantities.is_empty()
     }
 
-    /// The commands asked for, each once.
-    pub fn commands(&self) -> Vec<Command> {
+    /// The commands asked for, each once. On RS-485 0x31 cannot be asked: 0x0C stands for it.
+    pub fn commands(&self, on_bus: bool) -> Vec<Command> {
         if !self.quantities.is_empty() {
-            return commands_for(&self.quantities, self.instant);
+            let mut commands = commands_for(&self.quantities, self.instant);
+            if on_bus && commands == [Command::StabilisedEulerAccelRate] {
+                commands = vec![Command::StabilisedQuaternionVectors];
+            }
+            return commands;
         }
         let mut commands = Vec::new();
         for command in &self.command {
@@ -115,7 +119,11 @@ impl CommandArgs {
             }
         }
         if commands.is_empty() {
-            commands.push(Command::StabilisedEulerAccelRate);
+            commands.push(if on_bus {
+                Command::StabilisedQuaternionVectors
+            } else {
+                Command::StabilisedEulerAccelRate
+            });
         }
         commands
     }
@@ -205,6 +213,14 @@ pub fn parse_rate(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|hz: &f64| (0.01..=200.0).contains(hz))
         .ok_or_else(|| "a rate from 0.01 to 200 Hz is wanted".to_owned())
+}
+
+/// An address on RS-485.
+pub fn parse_address(text: &str) -> Result<u8, String> {
+    text.parse()
+        .ok()
+        .filter(|address| *address < 16)
+        .ok_or_else(|| "an address from 0 to 15 is wanted".to_owned())
 }
 
 /// One of the unit's speeds.

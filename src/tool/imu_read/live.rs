@@ -1,7 +1,7 @@
 //! The stream of a unit on a port.
 
 use super::NAME;
-use super::arguments::{CommandArgs, SampleArgs, parse_baud};
+use super::arguments::{CommandArgs, SampleArgs, parse_address, parse_baud};
 use super::sink::Sink;
 use crate::gx1::framer::FramerCounts;
 use crate::gx1::session::{Identity, Patience};
@@ -58,6 +58,9 @@ pub struct LineArgs {
     /// Speed of the unit, Bd [default: found by asking at 38400, 115200 and 19200]
     #[arg(long, value_name = "BD", value_parser = parse_baud)]
     pub baud: Option<u32>,
+    /// Address of the unit on an RS-485 line (needs --poll; commands up to 0x0F)
+    #[arg(long, value_name = "N", value_parser = parse_address, requires = "poll")]
+    pub rs485_address: Option<u8>,
     /// Wait this long for the port and the unit to appear
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration)]
     pub wait: Duration,
@@ -99,7 +102,12 @@ pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
         let text = format!("{host}: a serial port is wanted, such as /dev/ttyUSB0");
         return Err(Fault::Usage(text).into());
     }
-    let commands = args.commands.commands();
+    let bus = args.line.rs485_address;
+    let commands = args.commands.commands(bus.is_some());
+    if let (Some(_), Some(command)) = (bus, commands.iter().find(|c| c.bus_byte(0).is_none())) {
+        let text = SessionError::NotOnBus(*command).to_string();
+        return Err(Fault::Usage(text).into());
+    }
     if commands.len() > 4 {
         return Err(Fault::Usage("at most four commands at a time".into()).into());
     }
@@ -146,6 +154,9 @@ pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
     )?;
     live.begin_recording(&setup, identity)?;
     let mut samples = Samples::new(setup);
+    if bus.is_some() {
+        samples.begin();
+    }
     let ended = live.stream(session, identity, &mut samples, &mut sink);
     live.finish(ended, &mut samples, &mut sink)
 }
@@ -205,13 +216,12 @@ impl Live {
             wait,
             interrupted: &|| ending.reached(),
         };
-        Session::open(
-            &self.device,
-            &bauds,
-            &self.commands,
-            Some(Box::new(tap)),
-            &patience,
-        )
+        let (device, keep) = (&self.device, &self.commands);
+        let tap: Option<crate::gx1::session::Tap> = Some(Box::new(tap));
+        match self.args.line.rs485_address {
+            Some(address) => Session::open_on_bus(device, address, &bauds, keep, tap, &patience),
+            None => Session::open(device, &bauds, keep, tap, &patience),
+        }
     }
 
     /// Asks the unit who it is and what its numbers mean.
@@ -283,6 +293,7 @@ impl Live {
         if let Mode::Polled(hz) = self.mode {
             unit.poll_hz = Some(hz);
         }
+        unit.bus_address = self.args.line.rs485_address;
         let io = |text: String| Fault::Io(text);
         self.tee
             .borrow_mut()
@@ -591,7 +602,7 @@ fn plain(error: &std::io::Error) -> String {
 /// Whether an error may go away by itself: a port that is not there yet.
 fn may_come(error: &LinkError) -> bool {
     match error {
-        LinkError::Open { reason, .. } => !reason.contains("denied"),
+        LinkError::Open { reason, .. } => !reason.contains("denied") && !reason.contains("ninth"),
         _ => true,
     }
 }

@@ -5,6 +5,7 @@ mod live;
 mod packets;
 mod replay;
 mod sink;
+mod unit;
 
 use crate::stream::Outcome;
 
@@ -89,6 +90,19 @@ pub struct Args {
 pub enum Question {
     /// Decodes a recording (--tee) to the records of the capture
     Replay(replay::ReplayArgs),
+    /// Says who the unit is and what its cells hold
+    Info(unit::InfoArgs),
+    /// Shows and sets the unit's EEPROM cells
+    #[command(subcommand)]
+    Eeprom(unit::EepromArgs),
+    /// Captures the gyros' bias; the unit must lie still
+    Bias(unit::BiasArgs),
+    /// Makes the present attitude the zero of the stabilised ones, or forgets that
+    Tare(unit::TareArgs),
+    /// Shows or sets the unit's tick, and says what rates follow
+    Rate(unit::RateArgs),
+    /// Tells from a still unit which of the disputed signs it follows
+    Check(unit::CheckArgs),
     /// Lists the serial ports with their USB adapters
     List,
 }
@@ -102,6 +116,12 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.question {
         None => live::run(args.stream),
         Some(Question::Replay(args)) => replay::run(args),
+        Some(Question::Info(args)) => unit::info(args),
+        Some(Question::Eeprom(args)) => unit::cells(args),
+        Some(Question::Bias(args)) => unit::bias(args),
+        Some(Question::Tare(args)) => unit::tare(args),
+        Some(Question::Rate(args)) => unit::rate(args),
+        Some(Question::Check(args)) => unit::check(args),
         Some(Question::List) => list(),
     }
 }

@@ -85,7 +85,7 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
         .iter()
         .for_each(|command| framer.expect_also(*command));
     let mut samples = Samples::new(setup);
-    if unit.is_none() {
+    if unit.as_ref().is_none_or(|unit| unit.bus_address.is_some()) {
         // Without the capture's own questions in it, the stream is taken as it is.
         samples.begin();
     }
@@ -183,7 +183,7 @@ fn setup(args: &ReplayArgs, unit: Option<&UnitFile>) -> anyhow::Result<Setup> {
         Some(unit) if args.commands.is_default() => unit
             .measurements()
             .map_err(|error| Fault::BadData(error.to_string()))?,
-        _ => args.commands.commands(),
+        _ => args.commands.commands(false),
     };
     let poll_hz = args.commands.poll.or(unit.and_then(|unit| unit.poll_hz));
     Ok(Setup {
@@ -212,7 +212,7 @@ fn print_packets(
     if args.commands.is_default() {
         framer.expect(Command::ALL);
     } else {
-        framer.expect(&args.commands.commands());
+        framer.expect(&args.commands.commands(false));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
     writeln!(out, "{}", packets::HEADER)?;

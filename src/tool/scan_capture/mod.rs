@@ -4,18 +4,29 @@
 //! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   [`live::Scanner`] speaks to one kind of device
 //! - [`sick`] the one that speaks to a SICK scanner
+//! - [`hokuyo`] the one that speaks to a Hokuyo
+//! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
 //! - [`replay`] recordings
+//! - [`angle_jitter`] the model of a motor's jitter, read and learned
 
+mod angle_jitter;
 mod args;
+mod configure;
+mod hokuyo;
+mod info;
 mod live;
 mod replay;
 mod sick;
 
 pub use args::Args;
 
+use args::AngleJitterArg;
+
 use crate::frame::Frame;
 use crate::sick::replay::Settings;
 use crate::stream::{Outcome, Stop};
+use crate::tool::ending::Ending;
+use crate::tool::tee::Tee;
 use std::path::Path;
 
 /// The tool's name.
@@ -23,7 +34,16 @@ const NAME: &str = "scan-capture";
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    match &args.command {
+        Some(args::Command::Info(args)) => return info::info(args),
+        Some(args::Command::List(args)) => return info::list(args),
+        None => {}
+    }
     args.check()?;
+    let plan = args.configure.plan()?;
+    if let Some(plan) = plan.as_ref().filter(|_| args.configure.dry_run) {
+        return plan.print();
+    }
     let mut options = args.common.options(NAME)?;
     let mut settings = Settings {
         epoch: args.epoch,
@@ -32,19 +52,34 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.frame {
         options.configuration = Some(apply_frame(path, &mut settings)?);
     }
+    match &args.angle_jitter {
+        AngleJitterArg::Off => {}
+        AngleJitterArg::Learn => return angle_jitter::learn(&args, settings),
+        AngleJitterArg::Model(path) => settings.angle_jitter = Some(angle_jitter::read(path)?),
+    }
     if !args.replay.is_empty() {
         return replay::run(&args, options, settings);
     }
     let stop = Stop::install()?;
     let capture = live::Settings::of(&args)?;
-    let ending = crate::tool::ending::Ending::new(stop, &options);
-    let tee = crate::tool::tee::Tee::new(
-        NAME,
-        args.tee.as_deref(),
-        args.tee_rotate.unwrap_or_default(),
-    );
-    let scanner = sick::Sick::new(&args, settings, &options, &ending, &tee)?;
-    live::run(scanner, &capture, options, &ending, &tee)
+    let ending = Ending::new(stop, &options);
+    let rotation = args.tee_rotate.unwrap_or_default();
+    let tee = Tee::new(NAME, args.tee.as_deref(), rotation);
+    match args.live.kind {
+        args::DeviceKind::Sick => {
+            let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+        args::DeviceKind::Hokuyo => {
+            let settings = crate::hokuyo::scans::Settings {
+                index_to_first_beam_s: settings.index_to_first_beam_s,
+                range_min_m: settings.range_min_m,
+                every: 1,
+            };
+            let scanner = hokuyo::Hokuyo::new(&args, settings, &options, &ending, &tee)?;
+            live::run(scanner, &capture, options, &ending, &tee)
+        }
+    }
 }
 
 /// Takes over what the frame file says of the scanner; gives its text.

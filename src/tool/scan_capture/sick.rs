@@ -2,12 +2,13 @@
 
 use super::NAME;
 use super::args::Args;
+use super::configure::Plan;
 use super::live::{Heard, LineFault, Scanner};
 use crate::link::{Endpoint, LinkError};
 use crate::record::Scan;
-use crate::sick::client::commands::{
-    self, Contamination, DeviceStatus, MeanFilter, ScanConfiguration, ScanContents,
-};
+use crate::sick::client::commands::{self, Contamination, DeviceStatus};
+use crate::sick::client::configure::{ConfigureError, Present};
+use crate::sick::client::load;
 use crate::sick::client::{self, Client, ClientError, Incoming, Reply, Request, Tap};
 use crate::sick::cola::Telegram;
 use crate::sick::replay::{self, Replay};
@@ -26,6 +27,8 @@ const CONNECT: [Duration; 2] = [Duration::from_secs(3), Duration::from_secs(1)];
 const ANSWER: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(1)];
 /// How long the first scan may take once the device says that it measures.
 const FIRST_SCAN: Duration = Duration::from_secs(10);
+/// How long a device that has been set may take until it measures and sends; the listing says 30 s.
+const SETTLED: Duration = Duration::from_secs(40);
 /// Between two questions whether the device is ready.
 const ASK_EVERY: Duration = Duration::from_millis(200);
 /// The line counts as down after so many periods without a scan.
@@ -43,6 +46,7 @@ pub(super) struct Sick {
     baud: u32,
     /// Requests a second; 0 is one a scan.
     poll: Option<f64>,
+    plan: Option<Plan>,
     quiet: bool,
     ending: Rc<Ending>,
     tee: Rc<RefCell<Tee>>,
@@ -55,18 +59,21 @@ pub(super) struct Sick {
     next_poll: Instant,
     /// From scan to scan as far as it is known, s.
     interval_s: f64,
-    first_since: Instant,
     scans_on_line: u64,
     others: BTreeMap<String, u64>,
     notes: BTreeMap<String, String>,
     uptime: Option<Duration>,
     warned: bool,
+    overloaded: bool,
+    /// The device has just been set, and may take its time.
+    set_now: bool,
     said_state: Option<u16>,
 }
 
 impl Sick {
     pub(super) fn new(
         args: &Args,
+        plan: Option<Plan>,
         settings: replay::Settings,
         options: &Options,
         ending: &Rc<Ending>,
@@ -77,6 +84,7 @@ impl Sick {
             endpoint: endpoint.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
             baud: args.live.baud.unwrap_or(client::Settings::default().baud),
             poll: args.live.poll,
+            plan,
             quiet: options.quiet,
             ending: Rc::clone(ending),
             tee: Rc::clone(tee),
@@ -88,12 +96,13 @@ impl Sick {
             polled: None,
             next_poll: Instant::now(),
             interval_s: 0.04,
-            first_since: Instant::now(),
             scans_on_line: 0,
             others: BTreeMap::new(),
             notes: BTreeMap::new(),
             uptime: None,
             warned: false,
+            overloaded: false,
+            set_now: false,
             said_state: None,
         })
     }
@@ -120,12 +129,17 @@ impl Sick {
         Client::connect(&self.endpoint, &settings, Some(tap), Some(interrupted))
     }
 
-    /// Waits until the device measures.
-    fn await_measuring(&mut self, client: &mut Client, deadline: Instant) -> Result<(), LineFault> {
+    /// Waits until the device measures, or until it could; whether it does.
+    fn await_measuring(
+        &mut self,
+        client: &mut Client,
+        deadline: Instant,
+        or_ready: bool,
+    ) -> Result<bool, LineFault> {
         loop {
             let status = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse);
             let Some(status) = status.map_err(fault)? else {
-                return Ok(()); // a device that does not know the question
+                return Ok(true); // a device that does not know the question
             };
             if self.uptime.is_none() {
                 self.uptime = uptime_by_unset_clock(&status);
@@ -134,12 +148,16 @@ impl Sick {
                 if self.said_state.take().is_some() {
                     self.remark("the scanner measures");
                 }
-                return Ok(());
+                return Ok(true);
+            }
+            if or_ready && status.state == DeviceStatus::READY {
+                return Ok(false);
             }
             if Instant::now() >= deadline {
                 let advice = match status.state {
                     DeviceStatus::READY => {
-                        "The measurement has been switched off: --start logs in and starts it"
+                        "The measurement has been switched off: --configure --start logs in and \
+                         starts it"
                     }
                     _ => "Look at its LEDs and display, or give it longer with --wait",
                 };
@@ -166,16 +184,49 @@ impl Sick {
         }
     }
 
-    /// Asks how often scans come, for the time limits. What a firmware does not know is left out.
+    /// Sets the device where that is asked for and it is not set so already.
+    fn configure(&mut self, client: &mut Client, measuring: bool) -> Result<(), LineFault> {
+        let Some(plan) = self.plan.clone() else {
+            return Ok(());
+        };
+        let mut remark = |text: &str| self.remark(text);
+        let set = plan.wanted.apply(client, plan.hash, measuring, &mut remark);
+        match set {
+            Ok(set) => {
+                self.set_now = set;
+                // Saving once is enough: the EEPROM wears out.
+                if let Some(plan) = &mut self.plan {
+                    plan.wanted.save = false;
+                }
+                Ok(())
+            }
+            Err(ConfigureError::Client(error)) => Err(match fault(error) {
+                LineFault::Hopeless(error) => {
+                    LineFault::Hopeless(error.context(self.endpoint.to_string()))
+                }
+                other => other,
+            }),
+            Err(error @ ConfigureError::ReadBack(_)) => {
+                let text = format!("{}: {error}", self.endpoint);
+                Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
+            }
+        }
+    }
+
+    /// Asks how often scans come, for the time limits, and whether a serial line carries them.
     fn ask_interval(&mut self, client: &mut Client) -> Result<(), ClientError> {
-        let configuration =
-            client.ask_if_known(&ScanConfiguration::request(), ScanConfiguration::parse);
-        let contents = client.ask_if_known(&ScanContents::request(), ScanContents::parse);
-        let mean = client.ask_if_known(&MeanFilter::request(), MeanFilter::parse);
-        let hundredths = known(configuration)?.map_or(2500, |scan| scan.frequency.max(1));
-        let every = known(contents)?.map_or(1, |contents| contents.every.max(1));
-        let mean = known(mean)?.map_or(1, |mean| mean.divisor());
-        self.interval_s = 100.0 / f64::from(hundredths) * f64::from(every) * f64::from(mean);
+        let present = Present::read(client)?;
+        self.interval_s = present.interval_s().unwrap_or(0.04);
+        if !client.line().is_tcp()
+            && let Some(text) = load::overload(client.dialect(), self.baud, &present)
+        {
+            if !self.overloaded {
+                self.remark(&text);
+            }
+            self.overloaded = true;
+            // A scan takes as long as the line does.
+            self.interval_s = self.interval_s.max(1.0);
+        }
         Ok(())
     }
 
@@ -308,7 +359,14 @@ impl Scanner for Sick {
         self.answered = true;
         let opened = self.tee.borrow_mut().open();
         opened.map_err(|error| LineFault::Hopeless(Fault::Io(error.to_string()).into()))?;
-        self.await_measuring(&mut client, deadline)?;
+        self.set_now = false;
+        let starts = self.plan.as_ref().is_some_and(|plan| plan.wanted.start);
+        let measuring = self.await_measuring(&mut client, deadline, starts)?;
+        self.configure(&mut client, measuring)?;
+        if self.plan.is_some() {
+            let deadline = deadline.max(Instant::now() + SETTLED);
+            self.await_measuring(&mut client, deadline, false)?;
+        }
         if first {
             self.ask_notes(&mut client).map_err(fault)?;
         }
@@ -318,7 +376,6 @@ impl Scanner for Sick {
                 .call(&commands::scans(true), 1, "the device sends no scans")
                 .map_err(fault)?;
         }
-        self.first_since = Instant::now();
         self.next_poll = Instant::now();
         self.client = Some(client);
         Ok(())
@@ -392,7 +449,7 @@ impl Scanner for Sick {
 
     fn patience(&self) -> Duration {
         if self.scans_on_line == 0 {
-            return FIRST_SCAN;
+            return if self.set_now { SETTLED } else { FIRST_SCAN };
         }
         Duration::from_secs_f64(PERIODS * self.interval_s).max(LEAST_PATIENCE)
     }

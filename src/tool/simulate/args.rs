@@ -37,6 +37,7 @@ SERVING
   Faults: drop, flip (one bit), cut, repeat, garbage =SHARE of the scans; chunk=N..M bytes a piece;
   stall=TIME@TIME, reset@TIME, blackhole=TIME@TIME, reboot=TIME@TIME from the start on. --imu-faults has
   unplug=TIME@TIME too: the port is gone for so long.
+  With --model utm-30lx it is a Hokuyo UTM-30LX (SCIP 2.0), at port 10940 unless told otherwise.
   With --format cola the scanner's telegrams are the output; -o FILE then keeps them as a capture
   does, with the arrival times beside them.
 
@@ -297,7 +298,7 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
     let commanded =
         |option: &str| written.value_source(option) == Some(clap::parser::ValueSource::CommandLine);
     if args.unit.imu_pty.is_none() && args.unit.imu_record.is_none() {
-        for option in IMU_OPTIONS.into_iter().filter(|o| commanded(o)) {
+        if let Some(option) = IMU_OPTIONS.into_iter().find(|o| commanded(o)) {
             let text = format!(
                 "--{} needs --imu-pty or --imu-record",
                 option.replace('_', "-")

@@ -50,8 +50,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut options = args.common.options("simulate")?;
     options.seed = Some(args.seed);
     let serve = &args.serve;
-    if !serve.faults.timed.is_empty() {
-        let text = "--faults at set times need clients; --format cola has none";
+    if !serve.faults.timed.is_empty() || serve.faults.chunk.is_some() {
+        let text = "--faults at set times and chunks need clients; --format cola has none";
         return Err(Fault::Usage(text.into()).into());
     }
     let (view, model, mode) = serve::view(args, &mut options, None)?;
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let behaviour = Behaviour {
         linger: Duration::ZERO,
         boot: Duration::ZERO,
-        ..serve::behaviour(serve, model, mode)
+        ..serve::behaviour(serve, model, mode, epoch)
     };
     let stop = Stop::install()?;
     let mut sink = match &args.common.output {

@@ -3,12 +3,14 @@
 use super::serve_args::{Address, ServeArgs};
 use super::source::{Simulation, View};
 use super::unit::{self, Origin};
-use super::{Args, Sides, args};
-use crate::frame::ScannerModel;
+use super::{Args, Sides, args, serve_hokuyo};
+use crate::frame::{ScanMode, ScannerModel};
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
+use crate::record::Stamp;
+use crate::sick::cola::Dialect;
 use crate::sick::emulator::recording::Recording;
-use crate::sick::emulator::{Behaviour, Emulator, Identity, Speech};
+use crate::sick::emulator::{Behaviour, Emulator, Identity, Source, Speech};
 use crate::simulate::Simulator;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::net::SocketAddr;
@@ -33,6 +35,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage(text.into()).into());
     }
     let serve = &args.serve;
+    if serve.replay.is_none() {
+        let (frame, text) = args.read_frame()?;
+        let setup = args::setup(args, frame, &options)?;
+        if setup.model.name == serve_hokuyo::MODEL {
+            options.configuration = Some(text);
+            if args.unit.imu_pty.is_some() {
+                let text = "--imu-pty goes with an LMS5xx; serve the IMU by a second simulate";
+                return Err(Fault::Usage(text.into()).into());
+            }
+            return serve_hokuyo::run(args, setup, &options);
+        }
+    }
     let origin = args
         .unit
         .imu_pty
@@ -43,14 +57,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage(text.into()).into());
     }
     let (view, model, mode) = view(args, &mut options, origin.clone())?;
-    let behaviour = behaviour(serve, model, mode);
     let stop = Stop::install()?;
-    let mut device = Emulator::new(behaviour, view);
     let mut emulation = Emulation::new(Conditions {
         speed: serve.speed.factor(),
         faults: serve.faults.clone(),
         seed: args.seed,
     });
+    let behaviour = behaviour(serve, model, mode, emulation.start().utc);
+    let mut device = Emulator::new(behaviour, view);
     open(serve, &mut emulation, &mut device).map_err(fault)?;
     if options.verbose > 0 {
         // Together with --clock-ppm the whole truth of the scanner's clock.
@@ -87,10 +101,10 @@ pub(super) fn view(
     args: &Args,
     options: &mut Options,
     origin: Option<Arc<Origin>>,
-) -> anyhow::Result<(View, &'static ScannerModel, crate::frame::ScanMode)> {
+) -> anyhow::Result<(View, &'static ScannerModel, ScanMode)> {
     if let Some(path) = &args.serve.replay {
         let (recording, model) = recording(path, args.serve.repeat)?;
-        let mode = crate::sick::emulator::Source::fixed_mode(&recording);
+        let mode = recording.fixed_mode();
         let mode = mode.unwrap_or(model.modes[0]);
         return Ok((View::Recording(recording), model, mode));
     }
@@ -101,7 +115,7 @@ pub(super) fn view(
     let (start, model, mode) = (setup.start, setup.model, setup.mode);
     if !model.name.starts_with("lms5") {
         let text = format!(
-            "--serve emulates an LMS5xx, and the scanner is {}",
+            "--serve emulates an LMS5xx or a UTM-30LX, and the scanner is {}",
             model.name
         );
         return Err(Fault::Usage(text).into());
@@ -133,12 +147,13 @@ fn recording(path: &Path, repeat: u64) -> anyhow::Result<(Recording, &'static Sc
 pub(super) fn behaviour(
     serve: &ServeArgs,
     model: &'static ScannerModel,
-    mode: crate::frame::ScanMode,
+    mode: ScanMode,
+    start: Stamp,
 ) -> Behaviour {
-    let host = match serve.dialect.as_str() {
-        "a" => Speech::Text,
-        "b" => Speech::Binary,
-        _ => Speech::Both,
+    let (host, host_dialect) = match serve.dialect.as_str() {
+        "a" => (Speech::Host, Dialect::Text),
+        "b" => (Speech::Host, Dialect::Binary),
+        _ => (Speech::Both, Dialect::Binary),
     };
     let mut speech = Vec::new();
     match serve.serve {
@@ -147,13 +162,12 @@ pub(super) fn behaviour(
         None => {}
     }
     speech.extend(serve.serve_pty.iter().map(|_| host));
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let now_ns = now.map_or(0, |now| now.as_nanos() as i64);
     Behaviour {
         identity: Identity::default(),
         model,
         mode,
         speech,
+        host_dialect,
         boot: serve.boot.unwrap_or(Duration::ZERO),
         reboot: serve.boot.unwrap_or(REBOOT),
         settle: SETTLE,
@@ -162,7 +176,7 @@ pub(super) fn behaviour(
         clock_ppm: serve.clock_ppm,
         calendar_ns: serve
             .clock_offset_s
-            .map(|offset_s| now_ns + (offset_s * 1e9).round() as i64),
+            .map(|offset_s| start.plus_s(offset_s).ns()),
         uptime: Duration::try_from_secs_f64(serve.uptime_s).unwrap_or_default(),
         transmit_stamp: serve.stamp,
     }

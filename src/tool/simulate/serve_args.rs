@@ -54,25 +54,26 @@ pub struct ServeArgs {
         hide_default_value = true
     )]
     pub faults: Faults,
-    /// Dialect that the host port answers: any, a, b
+    /// Dialects that the host port answers: any, or what EIHstCola is set to: a, b
     #[arg(long, value_name = "WHICH", default_value = "any", value_parser = ["any", "a", "b"])]
     pub dialect: String,
     /// How long the scanner starts before it measures [default: 0s; 2s after a reboot]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub boot: Option<Duration>,
     /// Set the scanner's calendar to this much ahead of UTC [default: nobody has set it]
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = parse_offset)]
     pub clock_offset_s: Option<f64>,
     /// How much too fast the scanner's clock runs
     #[arg(
         long,
         value_name = "PPM",
         default_value_t = 0.0,
-        allow_hyphen_values = true
+        allow_hyphen_values = true,
+        value_parser = parse_ppm
     )]
     pub clock_ppm: f64,
     /// What the scanner's counter shows at the start; it wraps at 4294.967296 s
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_uptime)]
     pub uptime_s: f64,
     /// When the time of transmission is taken: send, scan-end
     #[arg(long, value_name = "WHEN", default_value = "send", value_parser = parse_stamp)]
@@ -109,9 +110,17 @@ pub fn refuse_foreign(
     cola: bool,
     unit: bool,
 ) -> Result<(), Fault> {
+    let is_written = |option| written.value_source(option) == Some(ValueSource::CommandLine);
+    let unused = ["from", "to", "skip_bad"];
+    if let Some(option) = unused.into_iter().find(|option| is_written(option))
+        && (args.is_asked() || cola)
+    {
+        let option = option.replace('_', "-");
+        let text = format!("--{option} is for a stream of records");
+        return Err(Fault::Usage(text));
+    }
     for (option, fits_cola) in OPTIONS {
-        let is_written = written.value_source(option) == Some(ValueSource::CommandLine);
-        if !is_written || args.is_asked() || (cola && fits_cola) {
+        if !is_written(option) || args.is_asked() || (cola && fits_cola) {
             continue;
         }
         if unit && option == "hold" {
@@ -255,6 +264,29 @@ fn parse_speed(text: &str) -> Result<Speed, String> {
         .filter(|factor: &f64| (1e-3..=1e6).contains(factor))
         .map(Speed::Factor)
         .ok_or_else(|| "a number from 0.001 to 1000000 is wanted, or max".to_owned())
+}
+
+/// A number of at most `most` to both sides.
+fn number(text: &str, most: f64) -> Result<f64, String> {
+    let number = text.parse().ok();
+    number
+        .filter(|number: &f64| number.abs() <= most)
+        .ok_or_else(|| format!("a number from {} to {most} is wanted", -most))
+}
+
+fn parse_offset(text: &str) -> Result<f64, String> {
+    number(text, 1e9)
+}
+
+fn parse_ppm(text: &str) -> Result<f64, String> {
+    number(text, 1e5)
+}
+
+fn parse_uptime(text: &str) -> Result<f64, String> {
+    number(text, 1e9).and_then(|uptime_s| match uptime_s < 0.0 {
+        true => Err("a time before power-on cannot be".to_owned()),
+        false => Ok(uptime_s),
+    })
 }
 
 fn parse_stamp(text: &str) -> Result<TransmitStamp, String> {

@@ -3,7 +3,7 @@
 use super::Sides;
 use super::unit::Origin;
 use crate::frame::ScanMode;
-use crate::record::Stamp;
+use crate::record::{Scan, Stamp};
 use crate::sick::emulator::recording::Recording;
 use crate::sick::emulator::{Revolution, Source, fill};
 use crate::sick::scandata::LmdScandata;
@@ -43,7 +43,7 @@ impl Simulation {
     }
 
     /// Ends the files beside the scans.
-    fn finish(self) -> anyhow::Result<()> {
+    pub(super) fn finish(self) -> anyhow::Result<()> {
         match self.fault {
             Some(fault) => Err(fault),
             None => self.sides.finish(),
@@ -88,6 +88,24 @@ impl Source for Simulation {
             end_ns,
             transmit_after_ns: None,
         })
+    }
+}
+
+impl crate::hokuyo::emulator::Source for Simulation {
+    fn next(&mut self, scan: &mut Scan) -> Option<(i64, i64)> {
+        if self.fault.is_some() {
+            return None;
+        }
+        let step = self.simulator.advance()?;
+        scan.clone_from(&step.scan);
+        if let Err(fault) = self.sides.write(step) {
+            self.fault = Some(fault);
+            return None;
+        }
+        let complete = step.complete;
+        let sweep_ns = (self.simulator.scanner().sweep_s() * 1e9).round() as i64;
+        let end_ns = complete - self.start + self.index_to_first_beam_ns;
+        Some((end_ns - sweep_ns - self.index_to_first_beam_ns, end_ns))
     }
 }
 

@@ -1,7 +1,8 @@
 //! A scanner that is asked for the time, again and again.
 
+use super::TOOL;
 use crate::clock::{ClockFit, Exchange, Tick, TickUnwrapper};
-use crate::link::Endpoint;
+use crate::link::{Backoff, Endpoint};
 use crate::record::{ClockExchange, Stamp};
 use crate::sick::client::commands::UserLevel;
 use crate::sick::client::{Client, ClientError, Reply, Settings};
@@ -110,6 +111,7 @@ pub(super) fn connect(device: &DeviceArgs, stop: &Stop) -> anyhow::Result<Client
 
 /// Asks for the time again and again.
 pub(super) struct Poller {
+    device: DeviceArgs,
     which: Which,
     period: Duration,
     spin: Duration,
@@ -127,6 +129,7 @@ pub(super) struct Poller {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counts {
     pub asked: u64,
+    pub answered: u64,
     /// Requests that were refused or not answered in time.
     pub lost: u64,
     pub restarts: u64,
@@ -134,12 +137,15 @@ pub(super) struct Counts {
 
 /// So many requests in a row without an answer end it.
 const MOST_LOST: u32 = 5;
+/// How long a device that was there may be away.
+const AWAY: Duration = Duration::from_secs(60);
 /// The longest sleep between two looks at whether to stop.
 const NAP: Duration = Duration::from_millis(50);
 
 impl Poller {
-    pub fn new(pace: &PaceArgs) -> Poller {
+    pub fn new(device: &DeviceArgs, pace: &PaceArgs) -> Poller {
         Poller {
+            device: device.clone(),
             which: pace.stamp,
             period: Duration::from_secs_f64(1.0 / pace.rate),
             spin: pace.spin,
@@ -173,6 +179,7 @@ impl Poller {
             match client.poll() {
                 Ok(reply) => {
                     while client.next().is_some() {}
+                    self.counts.answered += 1;
                     return self.exchange(&reply).map(Some);
                 }
                 Err(ClientError::Interrupted) => return Ok(None),
@@ -183,7 +190,38 @@ impl Poller {
                         return Err(fault(error));
                     }
                 }
+                // The device restarts, or somebody pulled the cable: what was logged stays good.
+                Err(error @ ClientError::Link(_)) if self.counts.answered > 0 => {
+                    self.counts.lost += 1;
+                    eprintln!("{TOOL}: {error}; connecting again");
+                    let Some(again) = self.reconnect(stop, until)? else {
+                        return Ok(None);
+                    };
+                    *client = again;
+                    client.set_spin(self.spin);
+                }
                 Err(error) => return Err(fault(error)),
+            }
+        }
+    }
+
+    /// Connects again, for at most a minute; none when it is time to stop.
+    fn reconnect(&mut self, stop: &Stop, until: Option<Instant>) -> anyhow::Result<Option<Client>> {
+        let mut backoff = Backoff::new(Duration::from_millis(100), Duration::from_secs(1));
+        let given_up = Instant::now() + AWAY;
+        loop {
+            let due = Instant::now() + backoff.wait();
+            while Instant::now() < due {
+                if stop.requested() || until.is_some_and(|until| Instant::now() >= until) {
+                    return Ok(None);
+                }
+                std::thread::sleep(NAP);
+            }
+            match connect(&self.device, stop) {
+                Ok(client) => return Ok(Some(client)),
+                Err(_) if stop.requested() => return Ok(None),
+                Err(error) if Instant::now() >= given_up => return Err(error),
+                Err(_) => {}
             }
         }
     }

@@ -33,7 +33,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let stop = Stop::install()?;
     let mut client = live::connect(&args.device, &stop)?;
     let mut output = Output::open(&options)?;
-    let mut poller = Poller::new(&args.pace);
+    let mut poller = Poller::new(&args.device, &args.pace);
     let until = Instant::now() + args.duration;
     let mut written = 0;
     while args.number.is_none_or(|number| written < number) {

@@ -200,7 +200,7 @@ fn look(args: &Args, client: &mut Client, stop: &Stop) -> anyhow::Result<Option<
         stamp: Which::Calendar,
         ..args.pace.clone()
     };
-    let mut poller = Poller::new(&pace);
+    let mut poller = Poller::new(&args.device, &pace);
     let until = Instant::now() + args.duration;
     let mut records = Vec::new();
     while let Some(exchange) = poller.next(client, stop, Some(until))? {

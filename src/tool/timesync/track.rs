@@ -93,10 +93,10 @@ fn track<R: Timed>(args: &Args, path: Option<&Path>, options: &Options) -> anyho
     let mut stage = Tracker::<R> {
         beam,
         map: match args.smooth {
-            false => Map::Causal(OneWayHull::new(OneWaySettings {
+            false => Map::Causal(Box::new(OneWayHull::new(OneWaySettings {
                 window_s: args.window.as_secs_f64().max(1e-3),
                 ..OneWaySettings::default()
-            })),
+            }))),
             true => Map::Smooth(Smooth::of::<R>(path, options)?),
         },
         newest: None,
@@ -162,7 +162,7 @@ impl Timed for ImuSample {
 }
 
 enum Map {
-    Causal(OneWayHull),
+    Causal(Box<OneWayHull>),
     Smooth(Smooth),
 }
 

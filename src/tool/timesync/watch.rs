@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         resamples: 0,
         ..args.how.settings()
     };
-    let mut poller = Poller::new(&args.pace);
+    let mut poller = Poller::new(&args.device, &args.pace);
     let start = Instant::now();
     let until = args.duration.map(|duration| start + duration);
     let mut next = start + args.every;

@@ -6,8 +6,18 @@
 //! [`faults`](super::faults). No client can hold up another or make memory grow: a slow one loses
 //! whole messages with data, and one that does not read its replies is not read from.
 
+mod device;
+mod line;
+mod time;
+mod wire;
+
+pub use device::{Device, LineId, Message, Outbox};
+pub use wire::Serial;
+
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
 use super::{Connection, HostInstant, LinkError, Pty};
+use device::Order;
+use line::Line;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::collections::VecDeque;
 use std::fmt;
@@ -16,254 +26,23 @@ use std::net::{SocketAddr, TcpListener};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use time::{Time, nanoseconds};
+use wire::{Wire, is_deaf};
 
-/// One client's line, by number; a number is never used twice.
-pub type LineId = u64;
-
-/// A device without its lines. All times are nanoseconds of true time since the emulation's start.
-pub trait Device {
-    /// A client came to the service of this number (in the order in which they were added).
-    fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {}
-    /// It left.
-    fn disconnected(&mut self, _line: LineId) {}
-    /// Bytes came.
-    fn input(&mut self, line: LineId, bytes: &[u8], now_ns: i64, out: &mut Outbox);
-    /// Does what is due by now.
-    fn advance(&mut self, now_ns: i64, out: &mut Outbox);
-    /// When [`Device::advance`] is to be called next; none: not before something else happens.
-    fn due_ns(&self) -> Option<i64>;
-    /// Time to work ahead, so that what is due next is ready then.
-    fn prepare(&mut self) {}
-    /// The device restarts now and needs so long for it; its lines are gone.
-    fn restart(&mut self, _now_ns: i64, _boot: Duration) {}
-    /// The speed at which it talks on a serial line now; none: that which the line was opened with.
-    fn baud(&self) -> Option<u32> {
-        None
-    }
-    /// Whether the time until what is due next may be passed over when time is as fast as can be.
-    fn hurries(&self) -> bool {
-        true
-    }
-    /// Nothing will come any more.
-    fn ended(&self) -> bool {
-        false
-    }
-}
-
-/// What a device wants done.
-#[derive(Debug, Default)]
-pub struct Outbox {
-    bytes: Vec<u8>,
-    orders: Vec<Order>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Order {
-    Send {
-        line: LineId,
-        what: Message,
-        end: usize,
-    },
-    Close(LineId),
-    Restart(Duration),
-}
-
-/// What is sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Message {
-    /// An answer.
-    Reply,
-    /// Data that was asked for.
-    Polled,
-    /// Data that comes by itself.
-    Data,
-}
-
-impl Outbox {
-    /// Sends an answer: never damaged, never lost to a full buffer.
-    pub fn reply(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Reply);
-    }
-
-    /// Sends data (a scan, a sample) that comes by itself: the faults damage it, slow clients lose it.
-    pub fn data(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Data);
-    }
-
-    /// Sends data that a client asked for: the faults damage it, but it is never lost to a full
-    /// buffer.
-    pub fn polled(&mut self, line: LineId, bytes: &[u8]) {
-        self.send(line, bytes, Message::Polled);
-    }
-
-    /// Closes a line once what was said before has gone.
-    pub fn close(&mut self, line: LineId) {
-        self.orders.push(Order::Close(line));
-    }
-
-    /// The device restarts, once what was said before has gone.
-    pub fn restart(&mut self, boot: Duration) {
-        self.orders.push(Order::Restart(boot));
-    }
-
-    /// What has been sent to whom, for whoever runs a device without lines.
-    pub fn take(&mut self) -> Vec<(LineId, Message, Vec<u8>)> {
-        let mut sent = Vec::new();
-        let mut start = 0;
-        for order in self.orders.drain(..) {
-            if let Order::Send { line, what, end } = order {
-                let bytes = self.bytes.get(start..end).unwrap_or_default();
-                sent.push((line, what, bytes.to_vec()));
-                start = end;
-            }
-        }
-        self.bytes.clear();
-        sent
-    }
-
-    fn send(&mut self, line: LineId, bytes: &[u8], what: Message) {
-        self.bytes.extend_from_slice(bytes);
-        let end = self.bytes.len();
-        self.orders.push(Order::Send { line, what, end });
-    }
-}
-
-/// How time goes.
-#[derive(Clone, Copy, Debug)]
-struct Time {
-    start: HostInstant,
-    /// Seconds a second; none: as fast as can be.
-    speed: Option<f64>,
-    /// Time passed over, ns.
-    skipped_ns: i64,
-}
-
-impl Time {
-    fn now_ns(&self) -> i64 {
-        // True time runs evenly: no time server slews this clock.
-        let elapsed_ns = HostInstant::now().raw_ns - self.start.raw_ns;
-        match self.speed {
-            Some(1.0) => elapsed_ns,
-            Some(speed) => (elapsed_ns as f64 * speed) as i64,
-            None => elapsed_ns + self.skipped_ns,
-        }
-    }
-
-    /// The host's time until an instant.
-    fn until(&self, t_ns: i64) -> Duration {
-        let left_ns = t_ns.saturating_sub(self.now_ns()).max(0) as f64;
-        Duration::from_secs_f64(left_ns * 1e-9 / self.speed.unwrap_or(1.0))
-    }
-
-    fn pass_over_to(&mut self, t_ns: i64) {
-        if self.speed.is_none() {
-            self.skipped_ns += t_ns.saturating_sub(self.now_ns()).max(0);
-        }
-    }
-}
-
-fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
+/// With more than this waiting, a client is not read from.
+const UNREAD: usize = 64 << 10;
+/// The longest wait between two looks at whether to stop.
+const NAP: Duration = Duration::from_millis(20);
+/// How long clients are given to take what was said last.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// Clients at a time; further ones are turned away.
+const MOST_LINES: usize = 64;
 
 /// Where clients come in.
 enum Door {
     Tcp(TcpListener),
     /// A pseudo terminal has one line, which is always open.
     Pty,
-}
-
-/// A serial line.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Serial {
-    /// Its speed (8N1: ten bits a byte); none: as fast as can be.
-    pub baud: Option<u32>,
-    /// An adapter collects what comes and hands it over every so often (FTDI's latency timer: 16 ms);
-    /// zero: a plain port.
-    pub adapter: Duration,
-    /// Whoever listens at another speed hears garbage and is not heard.
-    pub strict: bool,
-}
-
-/// The wire behind a pseudo terminal: when which byte has come over.
-#[derive(Clone, Copy, Debug)]
-struct Wire {
-    serial: Serial,
-    bytes_per_s: f64,
-    /// When the first waiting byte began to go out, ns; none: nothing waits.
-    begun_ns: Option<i64>,
-    /// State of the garbage.
-    noise: u64,
-}
-
-impl Wire {
-    fn new(serial: Serial) -> Option<Wire> {
-        Some(Wire {
-            serial,
-            bytes_per_s: f64::from(serial.baud?) / 10.0,
-            begun_ns: None,
-            noise: 0x9E37_79B9_7F4A_7C15,
-        })
-    }
-
-    fn duration_ns(&self, bytes: usize) -> i64 {
-        (bytes as f64 / self.bytes_per_s * 1e9).ceil() as i64
-    }
-
-    /// Bytes that are handed over in one piece without an adapter.
-    fn piece(&self, waiting: usize) -> usize {
-        waiting.min((self.bytes_per_s * PACED_S).ceil() as usize)
-    }
-
-    /// How many of `waiting` bytes may be handed over now.
-    fn ready(&mut self, waiting: usize, now_ns: i64) -> usize {
-        let begun_ns = *self.begun_ns.get_or_insert(now_ns);
-        let adapter_ns = nanoseconds(self.serial.adapter);
-        let at_ns = if adapter_ns > 0 {
-            now_ns.div_euclid(adapter_ns) * adapter_ns
-        } else {
-            now_ns
-        };
-        let gone = ((at_ns - begun_ns) as f64 * 1e-9 * self.bytes_per_s + 1e-6).floor();
-        let gone = (gone.max(0.0) as usize).min(waiting);
-        if adapter_ns > 0 || gone >= self.piece(waiting) {
-            gone
-        } else {
-            0
-        }
-    }
-
-    /// When to look again, with `waiting` bytes on the way.
-    fn due_ns(&self, waiting: usize) -> Option<i64> {
-        let begun_ns = self.begun_ns.filter(|_| waiting > 0)?;
-        let adapter_ns = nanoseconds(self.serial.adapter);
-        if adapter_ns > 0 {
-            let first_ns = begun_ns + self.duration_ns(1);
-            return Some((first_ns + adapter_ns - 1).div_euclid(adapter_ns) * adapter_ns);
-        }
-        Some(begun_ns + self.duration_ns(self.piece(waiting)))
-    }
-
-    /// So many bytes were handed over, and so many still wait.
-    fn handed_over(&mut self, bytes: usize, waiting: usize) {
-        let duration_ns = bytes as f64 / self.bytes_per_s * 1e9;
-        self.begun_ns = self
-            .begun_ns
-            .filter(|_| waiting > 0)
-            .map(|begun_ns| begun_ns + duration_ns.round() as i64);
-    }
-
-    /// What a listener at the wrong speed hears of `count` bytes.
-    fn garbage(&mut self, count: usize) -> Vec<u8> {
-        let mut heard = vec![0; count];
-        for byte in &mut heard {
-            self.noise ^= self.noise << 13;
-            self.noise ^= self.noise >> 7;
-            self.noise ^= self.noise << 17;
-            *byte = (self.noise >> 32) as u8;
-        }
-        heard
-    }
 }
 
 /// A pseudo terminal that is unplugged, to come back.
@@ -276,144 +55,6 @@ struct Unplugged {
     back_ns: i64,
 }
 
-struct Line {
-    id: LineId,
-    connection: Connection,
-    damage: Damage,
-    /// Bytes that wait, and how many of them have gone.
-    queue: Vec<u8>,
-    gone: usize,
-    /// Where in `queue` whole messages with data end.
-    ends: VecDeque<usize>,
-    /// What a serial port's bytes go over.
-    wire: Option<Wire>,
-    /// Messages lost to a full queue.
-    crowded_out: u64,
-    /// Nothing more is said; the line closes once the queue is empty.
-    closing: bool,
-    /// A pseudo terminal outlives its clients: the link that points to it.
-    lasting: Option<PathBuf>,
-}
-
-/// Data waits up to this many bytes; one message always may.
-const ROOM: usize = 256 << 10;
-/// The same on a serial line.
-const SERIAL_ROOM: usize = 8 << 10;
-/// With more than this waiting, a client is not read from.
-const UNREAD: usize = 64 << 10;
-/// The longest wait between two looks at whether to stop.
-const NAP: Duration = Duration::from_millis(20);
-/// How long clients are given to take what was said last.
-const FAREWELL: Duration = Duration::from_secs(2);
-/// Clients at a time; further ones are turned away.
-const MOST_LINES: usize = 64;
-/// The most that is written to a pseudo terminal at a time on a paced line, s.
-const PACED_S: f64 = 0.002;
-
-impl Line {
-    fn waiting(&self) -> usize {
-        self.queue.len() - self.gone
-    }
-
-    fn room(&self) -> usize {
-        if self.wire.is_some() || self.lasting.is_some() {
-            SERIAL_ROOM
-        } else {
-            ROOM
-        }
-    }
-
-    fn enqueue(&mut self, bytes: &[u8], what: Message) {
-        if self.closing {
-            return;
-        }
-        if what == Message::Reply {
-            self.queue.extend_from_slice(bytes);
-            return;
-        }
-        let may_lose = what == Message::Data && self.waiting() > 0;
-        if may_lose && self.waiting() + bytes.len() > self.room() {
-            self.crowded_out += 1;
-            return;
-        }
-        if self.damage.message(bytes, &mut self.queue) {
-            self.ends.push_back(self.queue.len());
-        }
-    }
-
-    /// When bytes that wait have come over the wire, ns; none where they may go at once.
-    fn wire_due_ns(&self) -> Option<i64> {
-        self.wire.as_ref()?.due_ns(self.waiting())
-    }
-
-    /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
-    fn lose_queue(&mut self) {
-        let lost = self.ends.iter().filter(|end| **end > self.gone).count();
-        self.damage.lose(lost as u64);
-        self.queue.clear();
-        self.ends.clear();
-        self.gone = 0;
-        if let Some(wire) = &mut self.wire {
-            wire.begun_ns = None;
-        }
-    }
-
-    /// Sends what the line takes now.
-    fn send(&mut self, now_ns: i64) -> Result<(), LinkError> {
-        while self.waiting() > 0 {
-            let waiting = self.waiting();
-            let mut piece = self.damage.piece(waiting);
-            if let Some(wire) = &mut self.wire {
-                piece = piece.min(wire.ready(waiting, now_ns));
-                if piece == 0 {
-                    break;
-                }
-            }
-            let bytes = self.queue.get(self.gone..self.gone + piece);
-            let bytes = bytes.unwrap_or_default();
-            let deaf = is_deaf(self.wire.as_ref(), &self.connection);
-            let sent = match self.wire.as_mut().filter(|_| deaf) {
-                Some(wire) => self.connection.write_some(&wire.garbage(piece))?,
-                None => self.connection.write_some(bytes)?,
-            };
-            if sent == 0 {
-                if let Some(wire) = &mut self.wire {
-                    // Nobody reads: what follows is paced anew.
-                    wire.begun_ns = Some(now_ns);
-                }
-                break;
-            }
-            self.gone += sent;
-            let left = self.waiting();
-            if let Some(wire) = &mut self.wire {
-                wire.handed_over(sent, left);
-            }
-        }
-        while self.ends.front().is_some_and(|end| *end <= self.gone) {
-            self.ends.pop_front();
-        }
-        if self.waiting() == 0 {
-            self.queue.clear();
-            self.gone = 0;
-        } else if self.gone > ROOM {
-            self.queue.drain(..self.gone);
-            for end in &mut self.ends {
-                *end -= self.gone;
-            }
-            self.gone = 0;
-        }
-        Ok(())
-    }
-}
-
-/// Whether the client's end of a strict serial line runs at another speed.
-fn is_deaf(wire: Option<&Wire>, connection: &Connection) -> bool {
-    wire.filter(|wire| wire.serial.strict).is_some_and(|wire| {
-        let theirs = connection.peer_baud();
-        theirs.is_some() && theirs != wire.serial.baud
-    })
-}
-
 /// What an emulation has done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Account {
@@ -423,17 +64,20 @@ pub struct Account {
     pub losses: Losses,
     /// Messages with data that slow clients lost.
     pub crowded_out: u64,
+    /// Messages with data that clients had not taken when they left.
+    pub untaken: u64,
 }
 
 impl fmt::Display for Account {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} messages to {} clients: {}; {} lost by slow clients",
+            "{} messages to {} clients: {}; {} lost by slow clients, {} not taken by clients that left",
             self.losses.messages + self.crowded_out,
             self.clients,
             self.losses,
-            self.crowded_out
+            self.crowded_out,
+            self.untaken
         )
     }
 }
@@ -474,11 +118,7 @@ impl Emulation {
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
-            time: Time {
-                start: HostInstant::now(),
-                speed: conditions.speed,
-                skipped_ns: 0,
-            },
+            time: Time::new(conditions.speed),
             mishaps: conditions.faults.timed.iter().copied().collect(),
             conditions,
             doors: Vec::new(),
@@ -606,7 +246,7 @@ impl Emulation {
         let mut wait = NAP;
         if let Some(due_ns) = due_ns {
             let drained = self.lines.iter().all(|line| line.waiting() == 0);
-            if self.time.speed.is_none() && drained && device.hurries() {
+            if self.time.is_free() && drained && device.hurries() {
                 let mishap_ns = self.mishaps.front().map(|fault| nanoseconds(fault.at));
                 self.time
                     .pass_over_to(due_ns.min(mishap_ns.unwrap_or(i64::MAX)));
@@ -677,10 +317,7 @@ impl Emulation {
             return;
         }
         for service in 0..self.doors.len() {
-            loop {
-                let Some(Door::Tcp(listener)) = self.doors.get(service) else {
-                    break;
-                };
+            while let Some(Door::Tcp(listener)) = self.doors.get(service) {
                 let Ok((stream, _)) = listener.accept() else {
                     break;
                 };
@@ -732,6 +369,7 @@ impl Emulation {
             let line = self.lines.remove(place);
             self.account.losses.add(&line.damage.losses());
             self.account.crowded_out += line.crowded_out;
+            self.account.untaken += line.untaken();
             device.disconnected(id);
         }
     }
@@ -902,14 +540,113 @@ impl Emulation {
             std::thread::sleep(Duration::from_millis(1));
         }
         for line in std::mem::take(&mut self.lines) {
-            let unsent = line.ends.iter().filter(|end| **end > line.gone).count();
             self.account.losses.add(&line.damage.losses());
-            self.account.crowded_out += line.crowded_out + unsent as u64;
+            self.account.crowded_out += line.crowded_out;
+            self.account.untaken += line.untaken();
             line.connection.end();
         }
         for away in std::mem::take(&mut self.unplugged) {
             self.account.losses.add(&away.damage.losses());
             self.account.crowded_out += away.crowded_out;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Shutdown;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    const WAIT: Duration = Duration::from_secs(20);
+
+    /// Sends back what it hears, in capitals, and ends at a full stop.
+    #[derive(Default)]
+    struct Parrot {
+        clients: usize,
+        ended: bool,
+    }
+
+    impl Device for Parrot {
+        fn connected(&mut self, _line: LineId, _service: usize, _now_ns: i64) {
+            self.clients += 1;
+        }
+        fn input(&mut self, line: LineId, bytes: &[u8], _now_ns: i64, out: &mut Outbox) {
+            out.reply(line, &bytes.to_ascii_uppercase());
+            self.ended |= bytes.contains(&b'.');
+        }
+        fn advance(&mut self, _now_ns: i64, _out: &mut Outbox) {}
+        fn due_ns(&self) -> Option<i64> {
+            None
+        }
+        fn ended(&self) -> bool {
+            self.ended
+        }
+    }
+
+    fn hear(line: &mut Connection, count: usize) -> Vec<u8> {
+        let mut heard = Vec::new();
+        let mut buffer = [0; 64];
+        while heard.len() < count {
+            let received = line.read(&mut buffer, WAIT).unwrap().unwrap();
+            heard.extend_from_slice(&buffer[..received.bytes]);
+        }
+        heard
+    }
+
+    #[test]
+    fn a_device_is_heard_on_sockets_and_ptys_and_ends_in_order() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let mut device = Parrot::default();
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let name = format!("cablepose-parrot-{}", std::process::id());
+        let link = std::env::temp_dir().join(name);
+        emulation.open_pty(&mut device, &link, None).unwrap();
+        let talk = std::thread::spawn(move || {
+            let open = |place: &str| {
+                let place = place.parse().unwrap();
+                Connection::open(&place, 0, 115_200, WAIT).unwrap()
+            };
+            let mut socket = open(&address.to_string());
+            let mut serial = open(link.to_str().unwrap());
+            serial.write_all(b"polly", WAIT).unwrap();
+            assert_eq!(hear(&mut serial, 5), b"POLLY");
+            socket.write_all(b"cracker.", WAIT).unwrap();
+            assert_eq!(hear(&mut socket, 8), b"CRACKER.");
+            let end = socket.read(&mut [0; 8], WAIT);
+            assert!(matches!(end, Err(LinkError::Closed { .. })));
+        });
+        let account = emulation.run(&mut device, || false).unwrap();
+        talk.join().unwrap();
+        assert_eq!((account.clients, device.clients), (1, 2));
+    }
+
+    #[test]
+    fn who_reads_no_answers_is_not_read_from() {
+        let mut emulation = Emulation::new(Conditions {
+            speed: Some(1.0),
+            ..Conditions::default()
+        });
+        let address = emulation.listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        let stuck = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let stream = std::net::TcpStream::connect(address).unwrap();
+                let mut line = Connection::from_stream(stream.try_clone().unwrap()).unwrap();
+                // Answers come back until every buffer on the way is full.
+                while line
+                    .write_all(&[b'x'; 65_536], Duration::from_millis(300))
+                    .is_ok()
+                {}
+                stuck.store(true, Ordering::Relaxed);
+                stream.shutdown(Shutdown::Both).unwrap();
+            });
+            let account = emulation.run(&mut Parrot::default(), || stuck.load(Ordering::Relaxed));
+            assert_eq!(account.unwrap().clients, 1);
+        });
+        assert!(stuck.load(Ordering::Relaxed));
     }
 }
