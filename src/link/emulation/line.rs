@@ -70,10 +70,14 @@ impl Line {
         self.wire.as_ref()?.due_ns(self.waiting())
     }
 
+    /// Whole messages with data that have not all gone.
+    pub(super) fn untaken(&self) -> u64 {
+        self.ends.iter().filter(|end| **end > self.gone).count() as u64
+    }
+
     /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
     pub(super) fn lose_queue(&mut self) {
-        let lost = self.ends.iter().filter(|end| **end > self.gone).count();
-        self.damage.lose(lost as u64);
+        self.damage.lose(self.untaken());
         self.queue.clear();
         self.ends.clear();
         self.gone = 0;

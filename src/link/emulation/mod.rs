@@ -64,17 +64,20 @@ pub struct Account {
     pub losses: Losses,
     /// Messages with data that slow clients lost.
     pub crowded_out: u64,
+    /// Messages with data that clients had not taken when they left.
+    pub untaken: u64,
 }
 
 impl fmt::Display for Account {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} messages to {} clients: {}; {} lost by slow clients",
+            "{} messages to {} clients: {}; {} lost by slow clients, {} not taken by clients that left",
             self.losses.messages + self.crowded_out,
             self.clients,
             self.losses,
-            self.crowded_out
+            self.crowded_out,
+            self.untaken
         )
     }
 }
@@ -314,10 +317,7 @@ impl Emulation {
             return;
         }
         for service in 0..self.doors.len() {
-            loop {
-                let Some(Door::Tcp(listener)) = self.doors.get(service) else {
-                    break;
-                };
+            while let Some(Door::Tcp(listener)) = self.doors.get(service) {
                 let Ok((stream, _)) = listener.accept() else {
                     break;
                 };
@@ -369,6 +369,7 @@ impl Emulation {
             let line = self.lines.remove(place);
             self.account.losses.add(&line.damage.losses());
             self.account.crowded_out += line.crowded_out;
+            self.account.untaken += line.untaken();
             device.disconnected(id);
         }
     }
@@ -539,9 +540,9 @@ impl Emulation {
             std::thread::sleep(Duration::from_millis(1));
         }
         for line in std::mem::take(&mut self.lines) {
-            let unsent = line.ends.iter().filter(|end| **end > line.gone).count();
             self.account.losses.add(&line.damage.losses());
-            self.account.crowded_out += line.crowded_out + unsent as u64;
+            self.account.crowded_out += line.crowded_out;
+            self.account.untaken += line.untaken();
             line.connection.end();
         }
         for away in std::mem::take(&mut self.unplugged) {

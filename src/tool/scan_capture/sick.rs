@@ -59,7 +59,6 @@ pub(super) struct Sick {
     next_poll: Instant,
     /// From scan to scan as far as it is known, s.
     interval_s: f64,
-    first_since: Instant,
     scans_on_line: u64,
     others: BTreeMap<String, u64>,
     notes: BTreeMap<String, String>,
@@ -97,7 +96,6 @@ impl Sick {
             polled: None,
             next_poll: Instant::now(),
             interval_s: 0.04,
-            first_since: Instant::now(),
             scans_on_line: 0,
             others: BTreeMap::new(),
             notes: BTreeMap::new(),
@@ -378,7 +376,6 @@ impl Scanner for Sick {
                 .call(&commands::scans(true), 1, "the device sends no scans")
                 .map_err(fault)?;
         }
-        self.first_since = Instant::now();
         self.next_poll = Instant::now();
         self.client = Some(client);
         Ok(())

@@ -298,7 +298,7 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
     let commanded =
         |option: &str| written.value_source(option) == Some(clap::parser::ValueSource::CommandLine);
     if args.unit.imu_pty.is_none() && args.unit.imu_record.is_none() {
-        for option in IMU_OPTIONS.into_iter().filter(|o| commanded(o)) {
+        if let Some(option) = IMU_OPTIONS.into_iter().find(|o| commanded(o)) {
             let text = format!(
                 "--{} needs --imu-pty or --imu-record",
                 option.replace('_', "-")

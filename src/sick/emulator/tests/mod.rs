@@ -392,7 +392,7 @@ fn an_output_range_that_no_run_made_active_is_lost_with_the_next_mode() {
     assert_eq!(values(scan, b"DIST1").len(), 541);
     assert_eq!(scan.channels[0].start_angle, 0);
     // Beam 30 of the aperture.
-    let number = u16::from(scan.channels[1].values[0]) - 11;
+    let number = scan.channels[1].values[0] - 11;
     assert_eq!(values(scan, b"DIST1")[0], 1000 + number + 30 + 100);
 }
 
