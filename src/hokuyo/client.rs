@@ -154,7 +154,7 @@ impl Client {
 
     /// What the device is.
     pub fn parameters(&mut self) -> Result<Parameters, ClientError> {
-        let parsed = self.ask("PP", |reply| Parameters::parse(reply))?;
+        let parsed = self.ask("PP", Parameters::parse)?;
         parsed.map_err(|error| self.nonsense("PP", error))
     }
 
