@@ -123,8 +123,11 @@ pub(super) fn run<S: Scanner>(
     ending.set_over();
     // The recording ends where the records do.
     let recorded = tee.borrow_mut().finish(capture.done);
+    // The last record does not wait for the device's farewell.
+    let flushed = capture.flush();
     capture.scanner.stop();
     streamed?;
+    flushed?;
     capture.finish(recorded)
 }
 
