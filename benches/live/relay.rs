@@ -14,6 +14,9 @@ use std::time::Duration;
 /// With nothing new for so long, gathered bytes go on.
 const GATHERED: Duration = Duration::from_millis(20);
 
+/// A scan is held so long before it goes on.
+const ASIDE: Duration = Duration::from_millis(2);
+
 /// What goes on in one piece.
 #[derive(Clone, Copy)]
 pub enum Pieces {
@@ -91,6 +94,10 @@ fn telegrams(mut scanner: &TcpStream, mut client: &TcpStream) -> Result<Vec<Host
             let scan = is_scan(&telegram);
             let piece: Vec<u8> = waiting.drain(..end.min(waiting.len())).collect();
             begin += piece.len() as u64;
+            if scan {
+                // A real scanner computes elsewhere: let the emulator finish with its next scan.
+                std::thread::sleep(ASIDE);
+            }
             let now = HostInstant::now();
             if client.write_all(&piece).is_err() {
                 return Ok(sent);
