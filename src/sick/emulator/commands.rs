@@ -1,7 +1,7 @@
 //! Every request and its answer.
 
 use super::values::{Refusal, Reply, Request, Value};
-use super::{Emulator, Source, Speech, State};
+use super::{Emulator, Source, State};
 use crate::link::emulation::{LineId, Outbox};
 use crate::sick::cola::{self, Dialect, Telegram};
 use crate::sick::emulator::configuration::APERTURE;
@@ -37,12 +37,7 @@ impl<S: Source> Emulator<S> {
         };
         let mut dialect = telegram.dialect;
         self.tally.requests += 1;
-        let only = match client.speech {
-            Speech::Both => None,
-            Speech::Text => Some(Dialect::Text),
-            Speech::Host => Some(self.host_dialect),
-        };
-        let result = match (only, dialect) {
+        let result = match (client.only, dialect) {
             (Some(Dialect::Binary), Dialect::Text) => return,
             (Some(Dialect::Text), Dialect::Binary) => {
                 dialect = Dialect::Text;

@@ -20,7 +20,8 @@ const fn choice(most: u32) -> Kind {
 /// Every variable that can be written: its name, its parameters' types, its factory values
 /// (numbers; a text begins empty).
 const VARIABLES: &[(&str, &[Kind], &[u32])] = &[
-    ("EIHstCola", &[choice(2)], &[1]),
+    // 2 is CoLa B with a CRC32 on newer firmware; this one does not speak it.
+    ("EIHstCola", &[choice(1)], &[1]),
     ("FREchoFilter", &[choice(2)], &[2]),
     (
         "LFPmeanfilter",

@@ -70,7 +70,7 @@ pub enum Speech {
     Both,
     /// CoLa A; to CoLa B it answers `sFA 11`.
     Text,
-    /// The dialect that `EIHstCola` had at power-on. Set to CoLa B it is silent to CoLa A.
+    /// The dialect that `EIHstCola` had when the client came. Set to CoLa B it is silent to CoLa A.
     Host,
 }
 
@@ -192,7 +192,10 @@ struct Subscriptions {
 
 struct Client {
     framer: Framer,
-    speech: Speech,
+    /// The only dialect that it is answered in; none: that in which it speaks.
+    only: Option<Dialect>,
+    /// Whether `EIHstCola` decides it.
+    is_host: bool,
     /// Login level; 0: nobody.
     level: i32,
     subscriptions: Subscriptions,
@@ -208,8 +211,6 @@ pub struct Emulator<S> {
     clock: DeviceClock,
     state: State,
     clients: BTreeMap<LineId, Client>,
-    /// What `EIHstCola` was at power-on.
-    host_dialect: Dialect,
     /// As written by clients; in the EEPROM; in force.
     written: Configuration,
     saved: Configuration,
@@ -253,8 +254,7 @@ impl<S: Source> Emulator<S> {
         let name = format!("SN {:08}", behaviour.identity.serial);
         let factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
         let mut saved = factory.clone();
-        let host_dialect = behaviour.host_dialect;
-        saved.set_host_dialect(host_dialect);
+        saved.set_host_dialect(behaviour.host_dialect);
         let uptime_ns = nanoseconds(behaviour.uptime);
         let mut clock = DeviceClock::new(behaviour.clock_ppm, uptime_ns);
         if let Some(calendar_ns) = behaviour.calendar_ns {
@@ -266,7 +266,6 @@ impl<S: Source> Emulator<S> {
             source,
             clock,
             clients: BTreeMap::new(),
-            host_dialect,
             written: saved.clone(),
             active: saved.clone(),
             saved,
@@ -503,13 +502,17 @@ impl<S: Source> Emulator<S> {
         self.state = State::Boot(now_ns + nanoseconds(boot));
         self.written = self.saved.clone();
         self.active = self.saved.clone();
-        self.host_dialect = self.saved.host_dialect();
         self.next = None;
         self.last_ns = None;
         self.scan_counter = 0;
         self.max_offset_s = 0.0;
         self.output = Output::default();
+        // A serial line's client stays through it all.
+        let host_dialect = self.saved.host_dialect();
         for client in self.clients.values_mut() {
+            if client.is_host {
+                client.only = Some(host_dialect);
+            }
             client.level = 0;
             client.subscriptions = Subscriptions::default();
             client.telegrams = 0;
@@ -534,10 +537,17 @@ fn encoder(active: &Configuration, t_ns: i64) -> Encoder {
 
 impl<S: Source> Device for Emulator<S> {
     fn connected(&mut self, line: LineId, service: usize, _now_ns: i64) {
-        let speech = self.behaviour.speech.get(service);
+        let speech = self.behaviour.speech.get(service).copied();
+        let only = match speech.unwrap_or(Speech::Both) {
+            Speech::Both => None,
+            Speech::Text => Some(Dialect::Text),
+            // Clients write it, close and expect the other dialect on their next connection.
+            Speech::Host => Some(self.written.host_dialect()),
+        };
         let client = Client {
             framer: Framer::new(),
-            speech: speech.copied().unwrap_or(Speech::Both),
+            only,
+            is_host: speech == Some(Speech::Host),
             level: 0,
             subscriptions: Subscriptions::default(),
             telegrams: 0,
