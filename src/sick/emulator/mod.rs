@@ -50,6 +50,11 @@ pub trait Source {
     fn fixed_mode(&self) -> Option<ScanMode> {
         None
     }
+
+    /// First and last angle there are, 1e-4 deg, where that is not the whole aperture.
+    fn coverage(&self) -> Option<[i32; 2]> {
+        None
+    }
 }
 
 /// When a revolution happens, ns after the source's start.
@@ -252,7 +257,10 @@ impl<S: Source> Emulator<S> {
     pub fn new(mut behaviour: Behaviour, source: S) -> Emulator<S> {
         behaviour.mode = source.fixed_mode().unwrap_or(behaviour.mode);
         let name = format!("SN {:08}", behaviour.identity.serial);
-        let factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
+        let mut factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
+        if let Some(coverage) = source.coverage() {
+            factory.narrow(coverage);
+        }
         let mut saved = factory.clone();
         saved.set_host_dialect(behaviour.host_dialect);
         let uptime_ns = nanoseconds(behaviour.uptime);

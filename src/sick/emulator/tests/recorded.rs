@@ -102,6 +102,46 @@ fn a_recorded_session_is_answered_as_the_recorded_lms511_did() {
     assert_eq!(shape(&ours), shape(&theirs));
 }
 
+#[test]
+fn a_recording_of_a_part_of_the_aperture_reads_back_as_that_part() {
+    let mut bench = Bench::logged_in();
+    bench.ask("sWN LMPoutputRange 1 683 +0 +900000");
+    bench.ask("sMN Run");
+    bench.ask("sEN LMDscandata 1");
+    let mut bytes = Vec::new();
+    for (_, scan) in bench.wait(500) {
+        encode(&scan, Dialect::Binary, &mut bytes);
+    }
+    let recording = recording::Recording::new(&bytes, behaviour().model, None).unwrap();
+    let mut device = Emulator::new(behaviour(), recording);
+    device.connected(1, 0, 0);
+    let mut out = Outbox::default();
+    device.advance(0, &mut out);
+    let mut ask = |text: &str| {
+        let mut request = Vec::new();
+        frame(Dialect::Text, text.as_bytes(), &mut request);
+        device.input(1, &request, 0, &mut out);
+        String::from_utf8(body_of(&out.take()[0].2)).unwrap()
+    };
+    let part = "sRA LMPoutputRange 1 683 0 DBBA0";
+    assert_eq!(ask("sRN LMPoutputRange"), part);
+    ask("sMN SetAccessMode 3 F4724744");
+    // What it never saw cannot be sent.
+    assert_eq!(
+        ask("sWN LMPoutputRange 1 683 -50000 +1850000"),
+        "sWA LMPoutputRange"
+    );
+    assert_eq!(ask("sRN LMPoutputRange"), part);
+    assert_eq!(ask("sWN LMPoutputRange 1 683 +900000 +1350000"), "sFA 4");
+    ask("sWN LMPoutputRange 1 683 +450000 +1350000");
+    assert_eq!(
+        ask("sRN LMPoutputRange"),
+        "sRA LMPoutputRange 1 683 6DDD0 DBBA0"
+    );
+    assert_eq!(ask("sMN mSCloadfacdef"), "sAN mSCloadfacdef 1");
+    assert_eq!(ask("sRN LMPoutputRange"), part);
+}
+
 /// Where recordings of real devices are; none, and it is said, where they are not.
 fn recordings() -> Option<PathBuf> {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
