@@ -145,7 +145,7 @@ impl<S: Source> Emulator<S> {
         }
     }
 
-    /// `STlms`: state, temperature, time and date, LEDs.
+    /// `STlms`: state, temperature, time and date, three LEDs and three that are reserved.
     fn status(&self, now_ns: i64) -> Vec<Value> {
         let state = match self.state {
             State::Boot(until_ns) if until_ns - now_ns > 1_000_000_000 => 1,
@@ -162,7 +162,7 @@ impl<S: Source> Emulator<S> {
             Value::Text(time),
             Value::Text(date),
         ];
-        values.extend([0; 3].map(|led| Value::Unsigned(2, led)));
+        values.extend([0; 6].map(|led| Value::Unsigned(2, led)));
         values
     }
 

@@ -224,7 +224,10 @@ fn who_is_not_logged_in_may_read_and_listen_but_not_change() {
             "sRN LMPoutputRange",
             "sRA LMPoutputRange 1 683 FFFF3CB0 1C3A90",
         ),
-        ("sRN STlms", "sRA STlms 7 0 8 00:00:00 A 01.01.1970 0 0 0"),
+        (
+            "sRN STlms",
+            "sRA STlms 7 0 8 00:00:00 A 01.01.1970 0 0 0 0 0 0",
+        ),
         ("sRN TSCTCmaxoffset", "sRA TSCTCmaxoffset 00000000"),
         ("sWN FREchoFilter 1", "sFA A"),
         ("sWN FirmwareVersion 1", "sFA A"),
