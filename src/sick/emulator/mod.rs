@@ -238,6 +238,8 @@ pub struct Emulator<S> {
     /// When the last revolution was complete, seen or not.
     due_last_ns: i64,
     scan_counter: u16,
+    /// Nothing was sent since the last `Run`.
+    after_run: bool,
     /// The source has ended at this time.
     over_ns: Option<i64>,
     ended: bool,
@@ -288,6 +290,7 @@ impl<S: Source> Emulator<S> {
             last_ns: None,
             due_last_ns: 0,
             scan_counter: 0,
+            after_run: false,
             over_ns: None,
             ended: false,
             max_offset_s: 0.0,
@@ -373,6 +376,7 @@ impl<S: Source> Emulator<S> {
         let new_mode = self.active.mode != self.written.mode;
         self.active = self.written.clone();
         self.output = Output::default();
+        self.after_run = true;
         if new_mode && self.state == State::Measuring {
             self.next = None;
             self.state = State::Settle(now_ns + nanoseconds(self.behaviour.settle));
@@ -430,8 +434,9 @@ impl<S: Source> Emulator<S> {
         last.version = 0;
         last.device_number = 1;
         last.serial_number = self.behaviour.identity.serial;
-        // The first telegram after the start is flagged (recorded on an LMS511).
-        last.device_status = [u8::from(self.scan_counter == 1), 0];
+        // The first telegram after the start and after Run is flagged (recorded on an LMS511).
+        let is_first = self.scan_counter == 1 || std::mem::take(&mut self.after_run);
+        last.device_status = [is_first.into(), 0];
         last.scan_counter = self.scan_counter;
         last.scan_tick_us = self.clock.tick_us(index_ns);
         last.inputs = [0, 0];
@@ -513,6 +518,7 @@ impl<S: Source> Emulator<S> {
         self.next = None;
         self.last_ns = None;
         self.scan_counter = 0;
+        self.after_run = false;
         self.max_offset_s = 0.0;
         self.output = Output::default();
         // A serial line's client stays through it all.
