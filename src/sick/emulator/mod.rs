@@ -23,7 +23,7 @@ use crate::link::emulation::{Device, LineId, Outbox};
 use crate::record::Encoder;
 use crate::sick::cola::{Dialect, Event, Framer};
 use crate::sick::encode::encode;
-use crate::sick::scandata::{LmdScandata, Position};
+use crate::sick::scandata::{Calendar, LmdScandata, Position};
 use clock::DeviceClock;
 use configuration::Configuration;
 use output::Output;
@@ -214,6 +214,8 @@ pub struct Emulator<S> {
     behaviour: Behaviour,
     source: S,
     clock: DeviceClock,
+    /// The calendar at power-on, where inputs and outputs have not changed since.
+    powered_on: Calendar,
     state: State,
     clients: BTreeMap<LineId, Client>,
     /// As written by clients; in the EEPROM; in force.
@@ -274,6 +276,7 @@ impl<S: Source> Emulator<S> {
             state: State::Boot(nanoseconds(behaviour.boot)),
             behaviour,
             source,
+            powered_on: clock.calendar_at_power_on(),
             clock,
             clients: BTreeMap::new(),
             written: saved.clone(),
@@ -512,6 +515,7 @@ impl<S: Source> Emulator<S> {
     /// Power goes off and on: counters, clock and what was not saved are gone.
     fn power_cycle(&mut self, now_ns: i64, boot: Duration) {
         self.clock.restart(now_ns);
+        self.powered_on = self.clock.calendar_at_power_on();
         self.state = State::Boot(now_ns + nanoseconds(boot));
         self.written = self.saved.clone();
         self.active = self.saved.clone();

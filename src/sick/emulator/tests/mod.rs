@@ -404,6 +404,32 @@ fn what_is_written_reads_back_and_becomes_active_with_run() {
 }
 
 #[test]
+fn inputs_and_outputs_say_when_they_changed_and_not_what_the_time_is() {
+    let mut bench = Bench::logged_in();
+    bench.wait(1500);
+    let inputs = "sRA LIDinputstate 0 0 0 0 0 0 1 7B2 1 1 0 0 0 0";
+    assert_eq!(bench.ask("sRN LIDinputstate"), inputs);
+    bench.ask("sMN LSPsetdatetime +2026 +11 +22 +8 +9 +10 +0");
+    assert_eq!(bench.ask("sRN LIDinputstate"), inputs);
+    let outputs = bench.ask("sRN LIDoutputstate");
+    assert!(outputs.starts_with("sRA LIDoutputstate 0 0 0 0 0 0 "));
+    assert!(outputs.ends_with(" 1 7B2 1 1 0 0 0 0"), "{outputs}");
+    // A calendar that was right from the start is counted back to power-on.
+    let mut bench = Bench::new(
+        Behaviour {
+            calendar_ns: Some(1_767_225_600_000_000_000),
+            uptime: Duration::from_secs(5),
+            ..behaviour()
+        },
+        1,
+    );
+    assert_eq!(
+        bench.ask("sRN LIDinputstate"),
+        "sRA LIDinputstate 0 0 0 0 0 0 1 7E9 C 1F 17 3B 37 0"
+    );
+}
+
+#[test]
 fn an_output_range_that_no_run_made_active_is_lost_with_the_next_mode() {
     let mut bench = Bench::logged_in();
     bench.ask("sWN LMPoutputRange 1 683 +0 +900000");
