@@ -395,10 +395,14 @@ impl Live {
             if now.replies - now.repeated > signs.replies - signs.repeated {
                 last_sign = Instant::now();
             }
+            let writing = Instant::now();
             sink.drain(samples)?;
             if sink.done() || ending.reached() {
                 return Ok(());
             }
+            sink.flush()?;
+            // A consumer that is slow is no silence of the unit.
+            last_sign += writing.elapsed();
             self.poll(session, &mut polling, led)?;
             let silence = samples.period_s().map_or(SILENCE * 2, |period_s| {
                 SILENCE.max(Duration::from_secs_f64(
@@ -422,7 +426,6 @@ impl Live {
                 }
                 .into());
             }
-            sink.flush()?;
             session.read(self.next_wait(&polling))?;
         }
     }
