@@ -64,7 +64,7 @@ struct PitchArgs {
     #[arg(long, value_name = "DEG", value_parser = not_negative, conflicts_with = "pitch_deg")]
     imu_pitch_sigma_deg: Option<f64>,
     /// How long a live IMU is waited for
-    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "imu")]
+    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "imu", conflicts_with = "pitch_deg")]
     imu_wait: Duration,
     /// A sample further than this from the scan is stale
     #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = parse_duration, conflicts_with = "pitch_deg")]
@@ -76,7 +76,7 @@ struct PitchArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pitch_deg: Option<f64>,
     /// Standard deviation of --pitch-deg
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative, requires = "pitch_deg")]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative, requires = "pitch_deg", conflicts_with = "imu")]
     pitch_sigma_deg: f64,
 }
 
@@ -443,6 +443,7 @@ mod tests {
             "--pitch-deg 0 --imu-pitch-sigma-deg 1",
             "--pitch-deg 0 --imu-max-age 1s",
             "--pitch-deg 0 --imu-max-gap 4",
+            "--pitch-deg 0 --imu-wait 1s",
         ] {
             assert!(!taken(options), "{options}");
         }
