@@ -118,7 +118,8 @@ enum Method {
     Desired,
     /// The poses before, with a velocity
     ConstantVelocity,
-    /// The poses before, with velocity and acceleration
+    /// The poses before, with velocity and acceleration; after a jerk of tens of m/s^3 it is further
+    /// off than its covariance says
     ConstantAcceleration,
     /// Rates and accelerations of --imu, with the velocity of the poses before
     Imu,
