@@ -89,7 +89,7 @@ pub struct Args {
 #[derive(Clone, Debug, clap::Subcommand)]
 pub enum Question {
     /// Decodes a recording (--tee) to the records of the capture
-    Replay(replay::ReplayArgs),
+    Replay(Box<replay::ReplayArgs>),
     /// Says who the unit is and what its cells hold
     Info(unit::InfoArgs),
     /// Shows and sets the unit's EEPROM cells
@@ -115,7 +115,7 @@ pub enum Question {
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.question {
         None => live::run(args.stream),
-        Some(Question::Replay(args)) => replay::run(args),
+        Some(Question::Replay(args)) => replay::run(*args),
         Some(Question::Info(args)) => unit::info(args),
         Some(Question::Eeprom(args)) => unit::cells(args),
         Some(Question::Bias(args)) => unit::bias(args),
