@@ -115,6 +115,13 @@ impl Lookup {
         known.get(n / 2).copied().filter(|_| n >= ENOUGH_SPACINGS)
     }
 
+    /// Whether samples usually come closer together than `span_s`: coarser ones do not show how the
+    /// platform turned within it.
+    pub fn resolves(&self, span_s: f64) -> bool {
+        self.usual_period_s()
+            .is_some_and(|usual_s| usual_s < span_s)
+    }
+
     /// Whether the samples around an instant are too far apart to be blended. A spacing is learnt
     /// once, and a gap is not, because it would make the next one usual; but gaps and nothing else
     /// for a while are another rate.
@@ -256,6 +263,24 @@ mod tests {
             yaw_rad: rpy[2],
             ..ImuSample::default()
         }
+    }
+
+    #[test]
+    fn samples_as_coarse_as_the_span_do_not_resolve_it() {
+        let frame = frame("[0.0, 0.0, 0.0]");
+        let mut lookup = Lookup::new(Settings {
+            sigma_rad: None,
+            max_age_s: 0.05,
+            max_gap_periods: 3.0,
+        });
+        assert!(!lookup.resolves(1.0));
+        for k in 0..8i64 {
+            let at = |k: i64| sample(k * 10_000_000, Axes::Platform, [0.0; 3]);
+            let stamp = Stamp::from_ns(k * 10_000_000 + 1);
+            lookup.at(stamp, (Some(&at(k)), Some(&at(k + 1))), &frame);
+        }
+        assert!(lookup.resolves(0.015));
+        assert!(!lookup.resolves(0.009));
     }
 
     #[test]

@@ -221,8 +221,11 @@ impl Solve {
                 }
             }
         }
+        // The reference beam is in the middle of the sweep. Samples that come no faster say nothing
+        // of what happens within it.
+        let sweep_s = 2.0 * lines.stamp.since_s(lines.scan_stamp);
         let fresh_rad = at_reference
-            .filter(|a: &Attitude| !a.stale)
+            .filter(|a: &Attitude| !a.stale && self.lookup.resolves(sweep_s))
             .map(|a| a.pitch_rad);
         for change in &mut self.changes_rad {
             let difference = fresh_rad.map_or(0.0, |reference_rad| *change - reference_rad);
