@@ -21,6 +21,10 @@ pub(super) struct Line {
     pub(super) wire: Option<Wire>,
     /// Messages lost to a full queue.
     pub(super) crowded_out: u64,
+    /// The client takes nothing any more; what it said before is still to be read.
+    pub(super) hung_up: bool,
+    /// Messages with data that were given up then.
+    pub(super) given_up: u64,
     /// Nothing more is said; the line closes once the queue is empty.
     pub(super) closing: bool,
     /// A pseudo terminal outlives its clients: the link that points to it.
@@ -51,6 +55,13 @@ impl Line {
         if self.closing {
             return;
         }
+        if self.hung_up {
+            if what != Message::Reply {
+                self.given_up += u64::from(self.damage.message(bytes, &mut self.queue));
+                self.queue.clear();
+            }
+            return;
+        }
         if what == Message::Reply {
             self.queue.extend_from_slice(bytes);
             return;
@@ -70,14 +81,29 @@ impl Line {
         self.wire.as_ref()?.due_ns(self.waiting())
     }
 
-    /// Whole messages with data that have not all gone.
+    /// Whole messages with data that have not all gone, or will not.
     pub(super) fn untaken(&self) -> u64 {
+        self.given_up + self.half_gone()
+    }
+
+    fn half_gone(&self) -> u64 {
         self.ends.iter().filter(|end| **end > self.gone).count() as u64
+    }
+
+    /// The client takes nothing any more: what waits for it is given up.
+    pub(super) fn hang_up(&mut self) {
+        self.given_up = self.untaken();
+        self.hung_up = true;
+        self.empty();
     }
 
     /// Whole messages with data that have not all gone are lost: counted as left out on purpose.
     pub(super) fn lose_queue(&mut self) {
-        self.damage.lose(self.untaken());
+        self.damage.lose(self.half_gone());
+        self.empty();
+    }
+
+    fn empty(&mut self) {
         self.queue.clear();
         self.ends.clear();
         self.gone = 0;

@@ -594,6 +594,12 @@ mod tests {
         let status = DeviceStatus::parse(&status).unwrap();
         assert_eq!((status.state, status.words()), (7, "measuring"));
         assert_eq!((&*status.time, &*status.date), ("16:36:54", "17.03.2030"));
+        // What comes after the date differs between devices.
+        let fewer = reply(
+            Dialect::Text,
+            b"sRA STlms 7 0 8 16:36:54 A 17.03.2030 0 0 0",
+        );
+        assert_eq!(DeviceStatus::parse(&fewer).unwrap(), status);
         // Both widths of the state in CoLa B.
         for state in [&b"\0\x07"[..], &b"\x07"[..]] {
             let tail = b"\0\0\x0816:36:54\0\x0817.03.30\0\0\0\0\0\0";

@@ -56,7 +56,15 @@ impl DeviceClock {
 
     /// The calendar at a true time. It counts whole milliseconds.
     pub fn calendar(&self, t_ns: i64) -> Calendar {
-        let counter_ns = self.counter_ns(t_ns);
+        self.calendar_at(self.counter_ns(t_ns))
+    }
+
+    /// The calendar as it was, or would have been, when the counter began.
+    pub fn calendar_at_power_on(&self) -> Calendar {
+        self.calendar_at(0)
+    }
+
+    fn calendar_at(&self, counter_ns: i64) -> Calendar {
         let ns = match self.calendar_ns {
             Some(offset_ns) => counter_ns + offset_ns,
             None => (counter_ns - CALENDAR_AFTER_NS).max(0),

@@ -1,7 +1,7 @@
 //! Every request and its answer.
 
 use super::values::{Refusal, Reply, Request, Value};
-use super::{Emulator, Source, Speech, State};
+use super::{Emulator, Source, State};
 use crate::link::emulation::{LineId, Outbox};
 use crate::sick::cola::{self, Dialect, Telegram};
 use crate::sick::emulator::configuration::APERTURE;
@@ -37,12 +37,7 @@ impl<S: Source> Emulator<S> {
         };
         let mut dialect = telegram.dialect;
         self.tally.requests += 1;
-        let only = match client.speech {
-            Speech::Both => None,
-            Speech::Text => Some(Dialect::Text),
-            Speech::Host => Some(self.host_dialect),
-        };
-        let result = match (only, dialect) {
+        let result = match (client.only, dialect) {
             (Some(Dialect::Binary), Dialect::Text) => return,
             (Some(Dialect::Text), Dialect::Binary) => {
                 dialect = Dialect::Text;
@@ -69,7 +64,7 @@ impl<S: Source> Emulator<S> {
         };
         send(line, dialect, &reply, out);
         match (telegram.verb(), telegram.name(), &result) {
-            (b"sEN", name, Ok(_)) => self.first_events(line, name, now_ns, out),
+            (b"sEN", name, Ok(_)) => self.first_events(line, name, out),
             (b"sMN", b"mSCreboot", Ok(_)) => out.restart(self.behaviour.reboot),
             _ => {}
         }
@@ -131,8 +126,8 @@ impl<S: Source> Emulator<S> {
             "LMPscancfg" => self.scan_configuration(),
             "TSCTCmaxoffset" => vec![Value::Real(self.max_offset_s)],
             "TSCTCdelay" => vec![Value::Real(0.0)],
-            "LIDoutputstate" => self.outputs(now_ns),
-            "LIDinputstate" => self.inputs(now_ns),
+            "LIDoutputstate" => self.outputs(),
+            "LIDinputstate" => self.inputs(),
             // No evaluation field is defined.
             _ if is_field(name) => vec![Value::byte(0)],
             _ => return Err(Refusal::UnknownVariable),
@@ -150,7 +145,7 @@ impl<S: Source> Emulator<S> {
         }
     }
 
-    /// `STlms`: state, temperature, time and date, LEDs.
+    /// `STlms`: state, temperature, time and date, three LEDs and three that are reserved.
     fn status(&self, now_ns: i64) -> Vec<Value> {
         let state = match self.state {
             State::Boot(until_ns) if until_ns - now_ns > 1_000_000_000 => 1,
@@ -167,7 +162,7 @@ impl<S: Source> Emulator<S> {
             Value::Text(time),
             Value::Text(date),
         ];
-        values.extend([0; 3].map(|led| Value::Unsigned(2, led)));
+        values.extend([0; 6].map(|led| Value::Unsigned(2, led)));
         values
     }
 
@@ -183,41 +178,41 @@ impl<S: Source> Emulator<S> {
     }
 
     /// The device's six outputs, all low, and eight of an external module that is not there.
-    fn outputs(&self, now_ns: i64) -> Vec<Value> {
-        let mut values = vec![
-            Value::Unsigned(2, 0),
-            Value::Unsigned(4, self.clock.tick_us(now_ns)),
-        ];
+    fn outputs(&self) -> Vec<Value> {
+        let mut values = self.changed().to_vec();
         for output in 0..14 {
             values.push(Value::byte(if output < 6 { 0 } else { 2 }));
             values.push(Value::Unsigned(4, 0));
         }
-        values.extend(self.time_block(now_ns));
+        values.extend(self.time_block());
         values
     }
 
     /// The device's four inputs, all low.
-    fn inputs(&self, now_ns: i64) -> Vec<Value> {
-        let mut values = vec![
-            Value::Unsigned(2, 0),
-            Value::Unsigned(4, self.clock.tick_us(now_ns)),
-        ];
+    fn inputs(&self) -> Vec<Value> {
+        let mut values = self.changed().to_vec();
         values.extend([0; 4].map(Value::byte));
-        values.extend(self.time_block(now_ns));
+        values.extend(self.time_block());
         values
     }
 
-    fn time_block(&self, now_ns: i64) -> [Value; 8] {
-        let now = self.clock.calendar(now_ns);
+    /// Version and counter. A recorded unit gives the counter of the last change, here power-on.
+    fn changed(&self) -> [Value; 2] {
+        [Value::Unsigned(2, 0), Value::Unsigned(4, 0)]
+    }
+
+    /// The calendar of the last change.
+    fn time_block(&self) -> [Value; 8] {
+        let then = self.powered_on;
         [
             Value::Unsigned(2, 1),
-            Value::Unsigned(2, now.year.into()),
-            Value::byte(now.month),
-            Value::byte(now.day),
-            Value::byte(now.hour),
-            Value::byte(now.minute),
-            Value::byte(now.second),
-            Value::Unsigned(4, now.microsecond),
+            Value::Unsigned(2, then.year.into()),
+            Value::byte(then.month),
+            Value::byte(then.day),
+            Value::byte(then.hour),
+            Value::byte(then.minute),
+            Value::byte(then.second),
+            Value::Unsigned(4, then.microsecond),
         ]
     }
 
@@ -443,11 +438,11 @@ impl<S: Source> Emulator<S> {
     }
 
     /// What a subscription brings at once: the outputs' state, twice (recorded on an LMS511).
-    fn first_events(&mut self, line: LineId, name: &[u8], now_ns: i64, out: &mut Outbox) {
+    fn first_events(&mut self, line: LineId, name: &[u8], out: &mut Outbox) {
         let subscriptions = self.clients.get(&line).map(|client| client.subscriptions);
         let dialect = subscriptions.and_then(|s| s.outputs);
         if let (b"LIDoutputstate", Some(dialect)) = (name, dialect) {
-            let event = Reply::new(dialect, "sSN LIDoutputstate").values(&self.outputs(now_ns));
+            let event = Reply::new(dialect, "sSN LIDoutputstate").values(&self.outputs());
             send(line, dialect, &event, out);
             send(line, dialect, &event, out);
         }

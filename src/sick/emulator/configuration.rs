@@ -20,7 +20,8 @@ const fn choice(most: u32) -> Kind {
 /// Every variable that can be written: its name, its parameters' types, its factory values
 /// (numbers; a text begins empty).
 const VARIABLES: &[(&str, &[Kind], &[u32])] = &[
-    ("EIHstCola", &[choice(2)], &[1]),
+    // 2 is CoLa B with a CRC32 on newer firmware; this one does not speak it.
+    ("EIHstCola", &[choice(1)], &[1]),
     ("FREchoFilter", &[choice(2)], &[2]),
     (
         "LFPmeanfilter",
@@ -122,6 +123,8 @@ pub struct Configuration {
     pub mode: ScanMode,
     variables: BTreeMap<&'static str, Vec<Value>>,
     passwords: [u32; 3],
+    /// First and last angle that can be sent, 1e-4 deg.
+    coverage: [i32; 2],
 }
 
 impl Configuration {
@@ -142,6 +145,24 @@ impl Configuration {
             mode,
             variables: variables.collect(),
             passwords: PASSWORDS,
+            coverage: APERTURE,
+        }
+    }
+
+    /// There is nothing to be seen outside of these angles, 1e-4 deg: the output range begins as
+    /// them and stays inside. Clients take their angles from it.
+    pub fn narrow(&mut self, [from, to]: [i32; 2]) {
+        let (from, to) = (from.max(APERTURE[0]), to.min(APERTURE[1]));
+        if from >= to {
+            return;
+        }
+        self.coverage = [from, to];
+        if let Some([_, _, Value::Signed(_, start), Value::Signed(_, end)]) = self
+            .variables
+            .get_mut("LMPoutputRange")
+            .map(Vec::as_mut_slice)
+        {
+            (*start, *end) = (from, to);
         }
     }
 
@@ -171,8 +192,12 @@ impl Configuration {
             if *from < least - APERTURE_ROOM || *to > most + APERTURE_ROOM || *from >= *to {
                 return Err(Refusal::Condition);
             }
+            let [least, most] = self.coverage;
             *from = (*from).max(least);
             *to = (*to).min(most);
+            if *from >= *to {
+                return Err(Refusal::Condition);
+            }
         }
         self.variables.insert(variable, values);
         Ok(())

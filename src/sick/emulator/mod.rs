@@ -23,7 +23,7 @@ use crate::link::emulation::{Device, LineId, Outbox};
 use crate::record::Encoder;
 use crate::sick::cola::{Dialect, Event, Framer};
 use crate::sick::encode::encode;
-use crate::sick::scandata::{LmdScandata, Position};
+use crate::sick::scandata::{Calendar, LmdScandata, Position};
 use clock::DeviceClock;
 use configuration::Configuration;
 use output::Output;
@@ -50,6 +50,11 @@ pub trait Source {
     fn fixed_mode(&self) -> Option<ScanMode> {
         None
     }
+
+    /// First and last angle there are, 1e-4 deg, where that is not the whole aperture.
+    fn coverage(&self) -> Option<[i32; 2]> {
+        None
+    }
 }
 
 /// When a revolution happens, ns after the source's start.
@@ -70,7 +75,7 @@ pub enum Speech {
     Both,
     /// CoLa A; to CoLa B it answers `sFA 11`.
     Text,
-    /// The dialect that `EIHstCola` had at power-on. Set to CoLa B it is silent to CoLa A.
+    /// The dialect that `EIHstCola` had when the client came. Set to CoLa B it is silent to CoLa A.
     Host,
 }
 
@@ -192,7 +197,10 @@ struct Subscriptions {
 
 struct Client {
     framer: Framer,
-    speech: Speech,
+    /// The only dialect that it is answered in; none: that in which it speaks.
+    only: Option<Dialect>,
+    /// Whether `EIHstCola` decides it.
+    is_host: bool,
     /// Login level; 0: nobody.
     level: i32,
     subscriptions: Subscriptions,
@@ -206,10 +214,10 @@ pub struct Emulator<S> {
     behaviour: Behaviour,
     source: S,
     clock: DeviceClock,
+    /// The calendar at power-on, where inputs and outputs have not changed since.
+    powered_on: Calendar,
     state: State,
     clients: BTreeMap<LineId, Client>,
-    /// What `EIHstCola` was at power-on.
-    host_dialect: Dialect,
     /// As written by clients; in the EEPROM; in force.
     written: Configuration,
     saved: Configuration,
@@ -232,6 +240,8 @@ pub struct Emulator<S> {
     /// When the last revolution was complete, seen or not.
     due_last_ns: i64,
     scan_counter: u16,
+    /// Nothing was sent since the last `Run`.
+    after_run: bool,
     /// The source has ended at this time.
     over_ns: Option<i64>,
     ended: bool,
@@ -251,10 +261,12 @@ impl<S: Source> Emulator<S> {
     pub fn new(mut behaviour: Behaviour, source: S) -> Emulator<S> {
         behaviour.mode = source.fixed_mode().unwrap_or(behaviour.mode);
         let name = format!("SN {:08}", behaviour.identity.serial);
-        let factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
+        let mut factory = Configuration::factory(behaviour.model, behaviour.mode, &name);
+        if let Some(coverage) = source.coverage() {
+            factory.narrow(coverage);
+        }
         let mut saved = factory.clone();
-        let host_dialect = behaviour.host_dialect;
-        saved.set_host_dialect(host_dialect);
+        saved.set_host_dialect(behaviour.host_dialect);
         let uptime_ns = nanoseconds(behaviour.uptime);
         let mut clock = DeviceClock::new(behaviour.clock_ppm, uptime_ns);
         if let Some(calendar_ns) = behaviour.calendar_ns {
@@ -264,9 +276,9 @@ impl<S: Source> Emulator<S> {
             state: State::Boot(nanoseconds(behaviour.boot)),
             behaviour,
             source,
+            powered_on: clock.calendar_at_power_on(),
             clock,
             clients: BTreeMap::new(),
-            host_dialect,
             written: saved.clone(),
             active: saved.clone(),
             saved,
@@ -281,6 +293,7 @@ impl<S: Source> Emulator<S> {
             last_ns: None,
             due_last_ns: 0,
             scan_counter: 0,
+            after_run: false,
             over_ns: None,
             ended: false,
             max_offset_s: 0.0,
@@ -366,6 +379,7 @@ impl<S: Source> Emulator<S> {
         let new_mode = self.active.mode != self.written.mode;
         self.active = self.written.clone();
         self.output = Output::default();
+        self.after_run = true;
         if new_mode && self.state == State::Measuring {
             self.next = None;
             self.state = State::Settle(now_ns + nanoseconds(self.behaviour.settle));
@@ -423,8 +437,9 @@ impl<S: Source> Emulator<S> {
         last.version = 0;
         last.device_number = 1;
         last.serial_number = self.behaviour.identity.serial;
-        // The first telegram after the start is flagged (recorded on an LMS511).
-        last.device_status = [u8::from(self.scan_counter == 1), 0];
+        // The first telegram after the start and after Run is flagged (recorded on an LMS511).
+        let is_first = self.scan_counter == 1 || std::mem::take(&mut self.after_run);
+        last.device_status = [is_first.into(), 0];
         last.scan_counter = self.scan_counter;
         last.scan_tick_us = self.clock.tick_us(index_ns);
         last.inputs = [0, 0];
@@ -500,16 +515,22 @@ impl<S: Source> Emulator<S> {
     /// Power goes off and on: counters, clock and what was not saved are gone.
     fn power_cycle(&mut self, now_ns: i64, boot: Duration) {
         self.clock.restart(now_ns);
+        self.powered_on = self.clock.calendar_at_power_on();
         self.state = State::Boot(now_ns + nanoseconds(boot));
         self.written = self.saved.clone();
         self.active = self.saved.clone();
-        self.host_dialect = self.saved.host_dialect();
         self.next = None;
         self.last_ns = None;
         self.scan_counter = 0;
+        self.after_run = false;
         self.max_offset_s = 0.0;
         self.output = Output::default();
+        // A serial line's client stays through it all.
+        let host_dialect = self.saved.host_dialect();
         for client in self.clients.values_mut() {
+            if client.is_host {
+                client.only = Some(host_dialect);
+            }
             client.level = 0;
             client.subscriptions = Subscriptions::default();
             client.telegrams = 0;
@@ -534,10 +555,17 @@ fn encoder(active: &Configuration, t_ns: i64) -> Encoder {
 
 impl<S: Source> Device for Emulator<S> {
     fn connected(&mut self, line: LineId, service: usize, _now_ns: i64) {
-        let speech = self.behaviour.speech.get(service);
+        let speech = self.behaviour.speech.get(service).copied();
+        let only = match speech.unwrap_or(Speech::Both) {
+            Speech::Both => None,
+            Speech::Text => Some(Dialect::Text),
+            // Clients write it, close and expect the other dialect on their next connection.
+            Speech::Host => Some(self.written.host_dialect()),
+        };
         let client = Client {
             framer: Framer::new(),
-            speech: speech.copied().unwrap_or(Speech::Both),
+            only,
+            is_host: speech == Some(Speech::Host),
             level: 0,
             subscriptions: Subscriptions::default(),
             telegrams: 0,

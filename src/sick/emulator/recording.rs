@@ -6,6 +6,7 @@
 
 use super::{Revolution, Source};
 use crate::frame::{ScanMode, ScannerModel};
+use crate::sick::angles::{first_angle_deg, true_step_deg};
 use crate::sick::cola::{Event, Framer};
 use crate::sick::scandata::{LmdScandata, is_scan};
 
@@ -34,6 +35,8 @@ pub enum RecordingError {
 pub struct Recording {
     scans: Vec<(LmdScandata, Revolution)>,
     mode: ScanMode,
+    /// First and last angle of all scans, 1e-4 deg.
+    coverage: Option<[i32; 2]>,
     /// From the first zero index of one pass to that of the next, ns.
     pass_ns: i64,
     passes: Option<u64>,
@@ -82,7 +85,7 @@ impl Recording {
         let (first, _) = scans.first().ok_or(RecordingError::NoScans)?;
         let frequency_hz = f64::from(first.scan_frequency) / 100.0;
         let raw = first.channels.first().map_or(0, |c| c.angular_step);
-        let step_deg = crate::sick::angles::true_step_deg(raw);
+        let step_deg = true_step_deg(raw);
         let found = model.modes.iter().find(|mode| {
             (mode.frequency_hz - frequency_hz).abs() < 1e-6
                 && (mode.step_deg() - step_deg).abs() < 1e-6
@@ -98,6 +101,7 @@ impl Recording {
         };
         Ok(Recording {
             pass_ns: index_ns + mean_ns,
+            coverage: coverage(&scans, mode),
             scans,
             mode,
             passes,
@@ -115,6 +119,19 @@ impl Recording {
     pub fn is_empty(&self) -> bool {
         self.scans.is_empty()
     }
+}
+
+/// First and last angle of all scans together, 1e-4 deg; none where there are no beams.
+fn coverage(scans: &[(LmdScandata, Revolution)], mode: ScanMode) -> Option<[i32; 2]> {
+    let step_deg = mode.step_deg();
+    let ends = scans.iter().filter_map(|(scan, _)| {
+        let channel = scan.channels.first()?;
+        let steps = channel.values.len().checked_sub(1)?;
+        let first_deg = first_angle_deg(channel.start_angle, step_deg);
+        let last_deg = first_deg + steps as f64 * step_deg;
+        Some([first_deg, last_deg].map(|deg| (deg * 1e4).round() as i32))
+    });
+    ends.reduce(|[from, to], [first, last]| [from.min(first), to.max(last)])
 }
 
 impl Source for Recording {
@@ -146,5 +163,9 @@ impl Source for Recording {
 
     fn fixed_mode(&self) -> Option<ScanMode> {
         Some(self.mode)
+    }
+
+    fn coverage(&self) -> Option<[i32; 2]> {
+        self.coverage
     }
 }

@@ -163,4 +163,11 @@ impl Source for View {
             View::Recording(recording) => recording.fixed_mode(),
         }
     }
+
+    fn coverage(&self) -> Option<[i32; 2]> {
+        match self {
+            View::Simulation(_) => None,
+            View::Recording(recording) => recording.coverage(),
+        }
+    }
 }

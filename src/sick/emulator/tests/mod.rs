@@ -224,7 +224,10 @@ fn who_is_not_logged_in_may_read_and_listen_but_not_change() {
             "sRN LMPoutputRange",
             "sRA LMPoutputRange 1 683 FFFF3CB0 1C3A90",
         ),
-        ("sRN STlms", "sRA STlms 7 0 8 00:00:00 A 01.01.1970 0 0 0"),
+        (
+            "sRN STlms",
+            "sRA STlms 7 0 8 00:00:00 A 01.01.1970 0 0 0 0 0 0",
+        ),
         ("sRN TSCTCmaxoffset", "sRA TSCTCmaxoffset 00000000"),
         ("sWN FREchoFilter 1", "sFA A"),
         ("sWN FirmwareVersion 1", "sFA A"),
@@ -294,20 +297,55 @@ fn a_port_may_know_one_dialect_only() {
         bench.send_from(2, b"sRN SCdevicestate"),
         [b"sRA SCdevicestate \x01"]
     );
-    // Another dialect is one of the next power-on, if it was saved.
-    let asked: [&[u8]; 3] = [
+    // Another dialect is one of the next connection.
+    let asked: [&[u8]; 2] = [
         b"sMN SetAccessMode \x03\xf4\x72\x47\x44",
         b"sWN EIHstCola \x00",
-        b"sMN mEEwriteall",
     ];
     for request in asked {
         assert_eq!(bench.send_from(2, request).len(), 1);
     }
     assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sRA LCMstate \x00"]);
+    bench.device.disconnected(2);
+    bench.device.connected(3, 1, 0);
+    assert_eq!(bench.send_from(3, b"sRN LCMstate"), [b"sFA 11"]);
+    // Nobody saved it: power-on brings the old one back, also to who stays on the line.
     bench.device.restart(bench.now_ns, Duration::ZERO);
-    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sFA 11"]);
+    assert_eq!(bench.send_from(3, b"sRN LCMstate"), [b"sRA LCMstate \x00"]);
+    for request in asked.iter().chain(&[&b"sMN mEEwriteall"[..]]) {
+        assert_eq!(bench.send_from(3, request).len(), 1);
+    }
+    bench.device.restart(bench.now_ns, Duration::ZERO);
+    assert_eq!(bench.send_from(3, b"sRN LCMstate"), [b"sFA 11"]);
     bench.dialect = Dialect::Text;
-    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sRA LCMstate 0"]);
+    assert_eq!(bench.send_from(3, b"sRN LCMstate"), [b"sRA LCMstate 0"]);
+}
+
+#[test]
+fn a_driver_that_turns_the_host_port_to_cola_b_finds_it_on_its_next_connection() {
+    let mut bench = Bench::new(
+        Behaviour {
+            speech: vec![Speech::Host],
+            host_dialect: Dialect::Text,
+            ..behaviour()
+        },
+        1,
+    );
+    bench.log_in();
+    assert_eq!(bench.ask("sWN EIHstCola 1"), "sWA EIHstCola");
+    assert_eq!(bench.ask("sRN LCMstate"), "sRA LCMstate 0");
+    bench.device.disconnected(1);
+    bench.device.connected(2, 0, bench.now_ns);
+    assert!(bench.send_from(2, b"sRN LCMstate").is_empty());
+    bench.dialect = Dialect::Binary;
+    assert_eq!(bench.send_from(2, b"sRN LCMstate"), [b"sRA LCMstate \x00"]);
+    // The framing with a CRC32 is not spoken, and so not accepted.
+    bench.send_from(2, b"sMN SetAccessMode \x03\xf4\x72\x47\x44");
+    assert_eq!(bench.send_from(2, b"sWN EIHstCola \x02"), [b"sFA\x00\x04"]);
+    assert_eq!(
+        bench.send_from(2, b"sRN EIHstCola"),
+        [b"sRA EIHstCola \x01"]
+    );
 }
 
 #[test]
@@ -362,6 +400,32 @@ fn what_is_written_reads_back_and_becomes_active_with_run() {
     assert_eq!(
         (&*scan.device_name, &*scan.comment),
         ("SN 18110550", "emulated")
+    );
+}
+
+#[test]
+fn inputs_and_outputs_say_when_they_changed_and_not_what_the_time_is() {
+    let mut bench = Bench::logged_in();
+    bench.wait(1500);
+    let inputs = "sRA LIDinputstate 0 0 0 0 0 0 1 7B2 1 1 0 0 0 0";
+    assert_eq!(bench.ask("sRN LIDinputstate"), inputs);
+    bench.ask("sMN LSPsetdatetime +2026 +11 +22 +8 +9 +10 +0");
+    assert_eq!(bench.ask("sRN LIDinputstate"), inputs);
+    let outputs = bench.ask("sRN LIDoutputstate");
+    assert!(outputs.starts_with("sRA LIDoutputstate 0 0 0 0 0 0 "));
+    assert!(outputs.ends_with(" 1 7B2 1 1 0 0 0 0"), "{outputs}");
+    // A calendar that was right from the start is counted back to power-on.
+    let mut bench = Bench::new(
+        Behaviour {
+            calendar_ns: Some(1_767_225_600_000_000_000),
+            uptime: Duration::from_secs(5),
+            ..behaviour()
+        },
+        1,
+    );
+    assert_eq!(
+        bench.ask("sRN LIDinputstate"),
+        "sRA LIDinputstate 0 0 0 0 0 0 1 7E9 C 1F 17 3B 37 0"
     );
 }
 

@@ -40,6 +40,26 @@ fn echoes_and_remissions() {
 }
 
 #[test]
+fn the_first_telegram_after_run_is_flagged() {
+    let mut bench = Bench::logged_in();
+    bench.ask("sEN LMDscandata 1");
+    let flags = |bench: &mut Bench| {
+        let scans = bench.wait(200);
+        let flags = scans.iter().map(|(_, scan)| scan.device_status);
+        flags.collect::<Vec<_>>()
+    };
+    let mut due = [[0, 0]; 4];
+    due[0] = [1, 0];
+    assert_eq!(flags(&mut bench), due);
+    assert_eq!(flags(&mut bench), [[0, 0]; 5]);
+    // Every second scan only: it is the telegram that is flagged.
+    bench.ask("sWN LMDscandatacfg 01 00 1 0 0 00 00 0 0 0 1 +2");
+    bench.ask("sMN Run");
+    let flags = flags(&mut bench);
+    assert_eq!(flags[..2], [[1, 0], [0, 0]]);
+}
+
+#[test]
 fn the_mean_filter_averages_and_lowers_the_rate() {
     let mut bench = Bench::logged_in();
     bench.ask("sWN LFPmeanfilter 1 +4 0");
