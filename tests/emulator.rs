@@ -480,6 +480,45 @@ fn resets_reboots_and_dark_lines() {
 }
 
 #[test]
+fn a_driver_that_reconnects_and_changes_the_frequency_finds_a_course_that_waits() {
+    let dir = scratch("emulator-driver");
+    // As the help has it for drivers.
+    let recipe = "-f frame.toml --hold --trajectory loop --loops 1000 --serve 127.0.0.1:0";
+    let served = Served::start(&dir, &format!("{recipe} --dialect a --settle 1500ms"));
+    let mut client = served.client();
+    client.dialect = Dialect::Text;
+    let login = client.ask(b"sMN SetAccessMode 03 F4724744");
+    assert_eq!(login, b"sAN SetAccessMode 1");
+    assert_eq!(client.ask(b"sWN EIHstCola 1"), b"sWA EIHstCola");
+    drop(client);
+    let mut client = served.client();
+    assert_eq!(
+        client.ask(b"sMN SetAccessMode \x03\xf4\x72\x47\x44"),
+        b"sAN SetAccessMode \x01"
+    );
+    client.start();
+    let last = client.scan();
+    assert_eq!((last.scan_counter, last.scan_frequency), (1, 3500));
+    let mode = client
+        .ask(b"sMN mLMPsetscancfg \0\0\x13\x88\0\x01\0\0\x13\x88\xff\xff\x3c\xb0\0\x1c\x3a\x90");
+    assert!(mode.starts_with(b"sAN mLMPsetscancfg \0"));
+    assert_eq!(client.ask(b"sMN Run"), b"sAN Run \x01");
+    let first = loop {
+        let scan = client.scan();
+        if scan.scan_frequency == 5000 {
+            break scan;
+        }
+    };
+    // By the scanner's own clock, however late a loaded machine may be.
+    let silent_us = first.scan_tick_us - last.transmit_tick_us;
+    assert!(silent_us >= 1_500_000, "{silent_us}");
+    drop(client);
+    served.client().start();
+    served.signal("TERM");
+    assert_eq!(served.end(), (0, String::new()));
+}
+
+#[test]
 fn a_serial_line_carries_what_its_speed_allows() {
     let dir = scratch("emulator-serial");
     let link = dir.join("lms");
@@ -543,6 +582,11 @@ fn what_does_not_go_together_is_refused() {
         ),
         ("-f frame.toml --format cola --faults chunk=3", 2, "chunks"),
         ("-f frame.toml --hold", 2, "--hold belongs to --serve"),
+        (
+            "-f frame.toml --format cola --settle 1s",
+            2,
+            "--settle belongs",
+        ),
         ("-f frame.toml --clock-ppm 20", 2, "--format cola"),
         (
             "-f frame.toml --format cola --speed max",
