@@ -427,6 +427,35 @@ fn a_byte_stream_holds_what_the_records_hold() {
     assert_eq!(decoded.rows().len() as u64, 30 - lost);
 }
 
+#[test]
+fn beams_between_the_grid_are_the_same_in_records_and_telegrams() {
+    let dir = scratch("emulator-between");
+    let run = "simulate -f frame.toml --frequency-hz 50 --resolution-deg 0.3333 --n-scans 5 \
+               --effects reference";
+    sh(&dir, &format!("{run} -o records.csv")).expect(0);
+    sh(&dir, &format!("{run} --format cola -o run.cola")).expect(0);
+    let records = sh(&dir, "cat records.csv").expect(0);
+    let decoded = sh(&dir, "scan-capture -q --replay run.cola").expect(0);
+    assert_eq!(decoded.column("ranges_mm"), records.column("ranges_mm"));
+    let mut framer = Framer::new();
+    framer.feed(&std::fs::read(dir.join("run.cola")).unwrap());
+    let mut scans = 0;
+    while let Some(event) = framer.next() {
+        let mut scan = LmdScandata::default();
+        if let Event::Telegram(telegram) = event
+            && is_scan(&telegram)
+        {
+            scan.parse(&telegram).unwrap();
+            // As a real LMS511 has it.
+            let channel = &scan.channels[0];
+            let head = (channel.start_angle, channel.angular_step);
+            assert_eq!((head, channel.values.len()), ((-48_333, 3333), 570));
+            scans += 1;
+        }
+    }
+    assert_eq!(scans, 5);
+}
+
 /// A client that has asked for scans and was told that they come, however often it must try.
 fn started(served: &Served) -> Client {
     let since = Instant::now();
