@@ -79,6 +79,11 @@ clock-table:
 clock-loopback:
 	@$(CARGO) bench --locked --bench clock_loopback
 
+## bench-live: an emulated scanner on the loopback: how late its records come, how many are lost (5 minutes; an error where a count is wrong)
+.PHONY: bench-live
+bench-live: build
+	@$(CARGO) bench --locked --bench live
+
 ## interop: other people's MCAP readers (Python, from PyPI) read what these programs write
 .PHONY: interop
 interop:

@@ -7,9 +7,13 @@
 use cablepose::clock::delay::{self, DelaySettings, Measured};
 use cablepose::clock::{Exchange, FitSettings, Method, OneWayHull, SoftwarePll, fit};
 use cablepose::motion::{Limits, Motion, Profile, Quintic, State};
+use cablepose::record::{ImuSample, Scan, Stamp};
 use cablepose::simulate::Seed;
 use cablepose::simulate::exchanges::ExchangeModel;
 use cablepose::simulate::random::Purpose;
+use cablepose::stream::{self, Emit, Encoding, Options, Output, Stage, StreamRecord};
+use cablepose::tool::timesync;
+use clap::Parser;
 use nalgebra::Vector3;
 use std::hint::black_box;
 use std::process::ExitCode;
@@ -487,4 +491,95 @@ fn speed(table: &mut Table) {
     }
     let each_us = start.elapsed().as_secs_f64() * 1e6 / log.len() as f64;
     table.most("a record mapped by the causal hull", each_us, "", 2.0, "us");
+    tracking(table, &log);
+}
+
+/// Passes records on as they are.
+struct Pass<R>(std::marker::PhantomData<R>);
+
+impl<R: StreamRecord> Stage for Pass<R> {
+    type In = R;
+    type Out = R;
+    fn push(&mut self, record: &R, emit: &mut Emit<'_, R>) -> anyhow::Result<()> {
+        emit.write(record)
+    }
+    fn finish(&mut self, _: &mut Emit<'_, R>) -> anyhow::Result<stream::Outcome> {
+        Ok(stream::Outcome::Done)
+    }
+}
+
+/// What `timesync track` as a whole adds to a record that passes through.
+fn tracking(table: &mut Table, log: &[Exchange]) {
+    let times = log
+        .iter()
+        .map(|e| (Stamp::from_ns(e.device_ns), Stamp::from_ns(e.receive_ns)));
+    let samples: Vec<ImuSample> = times
+        .clone()
+        .take(200_000)
+        .map(|(device, received)| ImuSample {
+            stamp: received,
+            device: Some(device),
+            received: Some(received),
+            ..ImuSample::default()
+        })
+        .collect();
+    let each_us = added_us(&samples, Encoding::Csv, "imu");
+    table.most("track: added to an IMU sample, CSV", each_us, "", 2.0, "us");
+    let scans: Vec<Scan> = times
+        .take(20_000)
+        .map(|(device, received)| Scan {
+            stamp: received,
+            device: Some(device),
+            received: Some(received),
+            angle_min_rad: -0.1,
+            angle_increment_rad: 0.25f64.to_radians(),
+            time_increment_s: 0.25 / 360.0 / 35.0,
+            scan_time_s: 1.0 / 35.0,
+            range_max_m: 65.0,
+            ranges_m: (0..761u16).map(|k| f64::from(k) * 0.01 + 1.0).collect(),
+            remissions: vec![100.0; 761],
+            ..Scan::default()
+        })
+        .collect();
+    let each_us = added_us(&scans, Encoding::Mcap, "scan");
+    let name = "track: added to a scan of 761 beams, MCAP";
+    table.most(name, each_us, "", 2.0, "us");
+}
+
+/// The least time of `timesync track` less the least time of passing the same file through, a record.
+fn added_us<R: StreamRecord>(records: &[R], encoding: Encoding, kind: &str) -> f64 {
+    let path = std::env::temp_dir().join(format!("clock-track-{}-{kind}", std::process::id()));
+    let options = Options {
+        quiet: true,
+        output: Some("/dev/null".into()),
+        ..Options::default()
+    };
+    let mut file = Output::create(&path, encoding, &options).expect("a file");
+    for record in records {
+        file.write(record).expect("written");
+    }
+    file.finish().expect("finished");
+    let mut best_s = [f64::INFINITY; 2];
+    for _ in 0..7 {
+        let start = Instant::now();
+        let mut pass = Pass::<R>(std::marker::PhantomData);
+        stream::filter(&options, Some(&path), &mut pass).expect("passed");
+        best_s[0] = best_s[0].min(start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        let file = path.to_string_lossy();
+        let line = [
+            "timesync",
+            "track",
+            "-q",
+            "--kind",
+            kind,
+            &file,
+            "-o",
+            "/dev/null",
+        ];
+        timesync::run(timesync::Args::parse_from(line)).expect("tracked");
+        best_s[1] = best_s[1].min(start.elapsed().as_secs_f64());
+    }
+    let _ = std::fs::remove_file(&path);
+    (best_s[1] - best_s[0]) * 1e6 / records.len() as f64
 }

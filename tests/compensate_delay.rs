@@ -70,6 +70,15 @@ fn stamp_and_pose_move_together() {
         carried.column("scan_stamp_ns"),
         before.column("scan_stamp_ns")
     );
+    // Poses that do not say which scan they came from keep the stamp that they came with.
+    let bare = "cut -d, -f1,3- poses.csv | compensate-delay --delay 62ms --method none";
+    let bare = sh(&dir, bare).expect(0);
+    assert_eq!(
+        bare.column("scan_stamp_ns"),
+        before.column("stamp_ns"),
+        "{}",
+        bare.text()
+    );
     // Stamps that are late already stay, and the poses move all the same.
     let used = sh(
         &dir,
@@ -231,6 +240,11 @@ fn a_command_line_that_makes_no_sense_is_refused() {
             "--delay 1ms --integration trapezoid",
             "--integration belongs",
         ),
+        ("--delay 1ms --motion-wait 1s", "--motion <FILE>"),
+        ("--delay 1ms --following-sigma-m-s 1", "--motion <FILE>"),
+        ("--delay 1ms --imu-wait 1s", "--imu <FILE>"),
+        ("--delay 1ms -f frame.toml", "--frame has"),
+        ("--delay --1ms", "one sign"),
         ("--to now --stamps used", "--stamps used"),
         ("--delay 1ms --to soon", "or now"),
         ("--delay 1ms --sigma-mm 0", "positive"),

@@ -67,6 +67,12 @@ fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
     }
 }
 
+/// A column of times, which are too long for a float.
+fn integers(ended: &Ended, name: &str) -> Vec<i64> {
+    let column = ended.column(name);
+    column.iter().map(|field| field.parse().unwrap()).collect()
+}
+
 fn log_of(dir: &Path, name: &str) -> String {
     fs::read_to_string(dir.join(name)).unwrap()
 }
@@ -156,6 +162,60 @@ fn it_is_pulled_out_and_comes_back() {
         gaps.iter().any(|gap| *gap > 30.0) && lost < 200.0,
         "{gaps:?}"
     );
+}
+
+#[test]
+fn a_slow_consumer_costs_neither_stamps_nor_samples() {
+    let dir = scratch("imu-slow");
+    let arguments = format!("{LONG} --imu-baud 115200 --imu-tick 2ms");
+    let _unit = Running::simulate(&dir, &arguments, "log");
+    // Longer than the pipe has room for and than any adapter holds bytes back.
+    let read = sh(
+        &dir,
+        "timeout 80 imu-read ./imu -n 1400 -v 2> read.log | (sleep 6; cat)",
+    )
+    .expect(0);
+    let said = log_of(&dir, "read.log");
+    assert!(said.contains("1400 samples, 0 replies lost"), "{said}");
+    assert!(said.contains(" 0 reconnections"), "{said}");
+    let since = |name: &str| {
+        let ns = integers(&read, name);
+        ns.iter().map(|at| at - ns[0]).collect::<Vec<i64>>()
+    };
+    let (stamp, device) = (since("stamp_ns"), since("device_ns"));
+    assert_eq!(stamp.len(), 1400);
+    let worst_ns = stamp.iter().zip(&device).map(|(s, d)| (s - d).abs()).max();
+    assert!(worst_ns.unwrap() < 200_000_000, "{worst_ns:?}");
+}
+
+/// `--imu-record` leaves what a recording of `imu-read --tee` has beside it.
+#[test]
+fn a_recording_of_the_simulated_unit_is_read_without_being_told_anything() {
+    let dir = scratch("imu-record");
+    let run = "simulate -q -f frame.toml --effects none --trajectory random --tilt-deg 2 \
+               --n-scans 70 --scans-per-pose 70 -o /dev/null --imu-record unit.gx1 \
+               --imu-baud 115200 --imu-tick 10ms";
+    sh(&dir, run).expect(0);
+    let read = sh(&dir, "imu-read replay unit.gx1").expect(0);
+    let told = "imu-read replay unit.gx1 --unit /dev/null";
+    assert_eq!(sh(&dir, told).status, 65);
+    let device = integers(&read, "device_ns");
+    assert!(device.len() > 50);
+    assert!(
+        device
+            .windows(2)
+            .all(|pair| pair[1] - pair[0] == 30_000_000)
+    );
+    let roll = read.numbers("roll_rad");
+    assert!(roll.iter().all(|r| *r == roll[0]) && roll[0].abs() < 0.036);
+    let text = log_of(&dir, "unit.unit.toml");
+    assert!(
+        text.contains("baud = 115200") && text.contains("tick_factors = [4, 10, 250, 10]"),
+        "{text}"
+    );
+    sh(&dir, &format!("{run} --imu-streams 0x10")).expect(2);
+    let packets = sh(&dir, "imu-read replay unit.gx1 --packets -o replies.csv");
+    assert_eq!(packets.status, 2, "{}", packets.stderr);
 }
 
 fn poses(text: &Ended) -> Vec<(String, Vec<f64>)> {

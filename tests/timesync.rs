@@ -65,6 +65,28 @@ fn fit_finds_offset_and_drift() {
     assert!(text.text().contains("drift             +"));
     let found = json(&dir, "timesync fit --json --asymmetry 100us log.csv");
     assert!((error_us(&found, &model, 0) - 50.0).abs() < 4.0);
+    let found = json(&dir, "timesync fit --json --asymmetry -100us log.csv");
+    assert!((error_us(&found, &model, 0) + 50.0).abs() < 4.0);
+    // No way takes less than no time.
+    let most = sh(&dir, "timesync fit --asymmetry 1h log.csv").expect(2);
+    assert!(
+        most.stderr.contains("shortest round trip"),
+        "{}",
+        most.stderr
+    );
+    let slow = "(echo host_send_ns,device_ns,host_receive_ns,request_bytes,reply_bytes; \
+                tail -n +2 log.csv | cut -d, -f1-3 | sed 's/$/,24,2400/') \
+                | timesync fit --wire 1Mbit";
+    let slow = sh(&dir, slow).expect(2);
+    assert!(
+        slow.stderr.contains("the link is faster"),
+        "{}",
+        slow.stderr
+    );
+    if Path::new("/dev/full").exists() {
+        let full = sh(&dir, "timesync fit log.csv > /dev/full").expect(74);
+        assert_eq!(full.stderr, "timesync: stdout: No space left on device\n");
+    }
     let found = json(
         &dir,
         "timesync fit --json -o fit.json log.csv && cat fit.json",
@@ -405,6 +427,28 @@ fn a_scanners_calendar_is_set() {
     let poll = format!("timesync poll {address} -n 3 --stamp calendar");
     assert_eq!(sh(&dir, &poll).expect(0).rows().len(), 3);
     sh(&dir, &format!("timesync poll {address} -n 3")).expect(0);
+}
+
+/// The time blocks lie up to a scan's period before the requests: the setting itself is gone by.
+#[test]
+fn a_calendar_whose_stamps_are_void_is_set() {
+    let dir = scratch("timesync-set-void");
+    let scanner = Scanner::new(&dir, "--clock-offset-s -7 --stamp scan-end");
+    let address = &scanner.address;
+    let found = json(
+        &dir,
+        &format!("timesync set {address} --for 2s --rate 60 --json -q"),
+    );
+    assert_eq!(found["found_by"], "setting", "{found}");
+    let residual_s = found["residual_s"].as_f64().unwrap();
+    let probe = [0, 1].map(|k| found["probe_s"][k].as_f64().unwrap());
+    assert!(residual_s.abs() < 20e-3, "{found}");
+    assert!(
+        ((probe[0] + probe[1]) / 2.0 - residual_s).abs() < 1e-6,
+        "{found}"
+    );
+    let half_s = (probe[1] - probe[0]) / 2.0;
+    assert!((found["bracket_s"].as_f64().unwrap() - half_s).abs() < 1e-6);
 }
 
 #[test]

@@ -157,6 +157,11 @@ const BEND_NS: f64 = 5_000.0;
 const BEND_SIGMAS: f64 = 4.0;
 /// How far a stamp may seem to precede its request, ns: steps of the clocks.
 const VOID_NS: f64 = 2_000.0;
+/// Two quartz clocks drift apart by less than this, ns/s: a scan's period is far more.
+const VOID_DRIFT: f64 = 500_000.0;
+/// At least so many exchanges, and so long, s, show whether stamps precede their requests.
+const STRETCH: usize = 8;
+const STRETCH_S: f64 = 1.0;
 
 /// Fits one session of a log, which is sorted by the device's clock.
 ///
@@ -274,20 +279,31 @@ fn tick_ns(exchanges: &[Exchange]) -> f64 {
     }
 }
 
-/// Whether the device's stamps precede the requests: within a second, where no clock drifts, a stamp
-/// lies further before its arrival than another one after its request. Most seconds must show it.
-/// Stamps cut to whole ticks may seem to do so by one tick.
+/// Whether the device's stamps precede the requests: within a short time, where no clock drifts far, a
+/// stamp lies further before its arrival than another one after its request. Most such times must show
+/// it. Stamps cut to whole ticks may seem to do so by one tick.
 fn stamps_void(samples: &[Sample], tick_ns: f64) -> bool {
-    let (mut void, mut seconds) = (0, 0);
-    for second in samples.chunk_by(|a, b| a.x_s.floor() == b.x_s.floor()) {
+    let (mut void, mut stretches) = (0, 0);
+    let mut rest = samples;
+    while let Some(first) = rest.first() {
+        let long = |(k, s): (usize, &Sample)| k >= STRETCH && s.x_s - first.x_s >= STRETCH_S;
+        let end = rest.iter().enumerate().position(|(k, s)| long((k, s)));
+        let (stretch, after) = rest.split_at(end.unwrap_or(rest.len()));
+        // A few at the end show nothing, unless there are no others.
+        if stretch.len() < STRETCH && stretches > 0 {
+            break;
+        }
+        rest = after;
         let least = |value: fn(&Sample) -> f64| {
-            let values = second.iter().map(value);
+            let values = stretch.iter().map(value);
             values.fold(f64::INFINITY, f64::min)
         };
-        seconds += 1;
-        void += usize::from(least(|s| s.ask_ns) + least(|s| s.reply_ns) < -VOID_NS - tick_ns);
+        let span_s = stretch.last().map_or(0.0, |last| last.x_s - first.x_s);
+        let most_ns = VOID_NS + tick_ns + VOID_DRIFT * span_s;
+        stretches += 1;
+        void += usize::from(least(|s| s.ask_ns) + least(|s| s.reply_ns) < -most_ns);
     }
-    2 * void > seconds
+    2 * void > stretches
 }
 
 /// How many differences lie within a microsecond of the lines under the clouds.

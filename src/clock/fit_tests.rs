@@ -127,6 +127,37 @@ fn stamps_before_their_requests_are_not_trusted() {
 }
 
 #[test]
+fn a_fast_clock_is_no_void_stamp() {
+    // 300 us a second are more than the shortest round trip.
+    let model = ExchangeModel {
+        drift_ppm: 300.0,
+        minimum_s: [25e-6, 25e-6],
+        duration_s: 20.0,
+        ..ExchangeModel::default()
+    };
+    let found = fit_of(&model, 0, Method::Hull);
+    assert_eq!(found.verdict, Verdict::TwoWay);
+    assert!((found.line.drift_ppb - 300e3).abs() < 2e3, "{found:?}");
+}
+
+#[test]
+fn void_stamps_show_in_slow_polls_too() {
+    let run: Vec<Exchange> = (0..40)
+        .map(|k| {
+            let send_ns = k * 2_000_000_000 + (k * 7_919_003) % 1_000_000_000;
+            let read_ns = send_ns + 100_000;
+            Exchange {
+                send_ns,
+                device_ns: read_ns - read_ns % 28_571_000,
+                receive_ns: send_ns + 300_000,
+            }
+        })
+        .collect();
+    let found = fit(&run, &FitSettings::default()).unwrap();
+    assert_eq!(found.verdict, Verdict::OneWayStampsVoid);
+}
+
+#[test]
 fn coarse_stamps_are_no_bias() {
     // A calendar that counts whole milliseconds, more than a round trip.
     let model = ExchangeModel {

@@ -40,6 +40,10 @@ pub struct Pace {
     /// How often each step from 1 to [`STEPS`] occurred.
     steps: [u32; STEPS],
     step: Option<i64>,
+    /// The least that arrivals were later than the ticks, ns.
+    early_ns: i64,
+    /// Whether the stream has gone on since the last reply, as far as anybody knows.
+    unbroken: bool,
     doubtful: Option<(u16, i64)>,
     implausible: u64,
 }
@@ -55,8 +59,13 @@ struct Last {
 const STEPS: usize = 64;
 
 /// How far the ticks may be off the host's clock before they are doubted, ns: more than any adapter
-/// or busy host holds bytes back.
+/// holds bytes back. Replies that waited longer in the host, because nobody read them, are known by
+/// going on where the last one was.
 const DOUBTFUL_NS: i64 = 2_000_000_000;
+
+/// By how much of the time that passed the earliest arrival may drift: one part in this many. No
+/// unit's clock is that far off.
+const DRIFT: i64 = 50;
 
 /// How far a gap may be off a whole number of steps, in steps, before the step is doubted.
 const ROUNDING: i64 = 2;
@@ -70,6 +79,8 @@ impl Pace {
             last: None,
             steps: [0; STEPS],
             step: None,
+            early_ns: 0,
+            unbroken: true,
             doubtful: None,
             implausible: 0,
         }
@@ -101,23 +112,35 @@ impl Pace {
         let Some(last) = self.last else {
             return Pushed::On(self.begin(reading, raw_ns, 0, 0, false));
         };
-        let elapsed_ns = raw_ns.saturating_sub(last.raw_ns);
+        let since_ns = raw_ns.saturating_sub(self.early_ns);
+        let by_clock = since_ns / self.tick_ns - last.ticks;
         let mut counter = self.counter;
-        let ticks = counter.push(u32::from(reading), Some(elapsed_ns / self.tick_ns));
+        let mut ticks = counter.push(u32::from(reading), Some(by_clock));
+        if !self.is_timely(ticks, since_ns) || ticks < last.ticks {
+            // Off the clock, but perhaps only read late: then it is the next of what waited.
+            let next = i64::from(reading.wrapping_sub(last.ticks as u16));
+            if next == 0 {
+                return Pushed::Repeated;
+            }
+            let waited = self.unbroken && next < by_clock;
+            if !waited || next.saturating_mul(self.tick_ns) > DOUBTFUL_NS {
+                return self.doubt(reading, raw_ns, last);
+            }
+            counter = self.counter;
+            ticks = counter.push(u32::from(reading), Some(next));
+        }
         let passed = ticks - last.ticks;
         if passed == 0 {
             return Pushed::Repeated;
-        }
-        let off_ns = passed
-            .saturating_mul(self.tick_ns)
-            .saturating_sub(elapsed_ns);
-        if off_ns.abs() > DOUBTFUL_NS || passed < 0 {
-            return self.doubt(reading, raw_ns, last);
         }
         if self.doubtful.take().is_some() {
             self.implausible += 1;
         }
         self.counter = counter;
+        self.unbroken = true;
+        let passed_ns = passed.saturating_mul(self.tick_ns);
+        let late_ns = raw_ns.saturating_sub(ticks.saturating_mul(self.tick_ns));
+        self.early_ns = late_ns.min(self.early_ns.saturating_add(passed_ns / DRIFT));
         self.count(passed);
         let steps = self.in_steps(passed).max(1);
         self.last = Some(Last {
@@ -131,6 +154,17 @@ impl Pace {
             missing: u64::try_from(steps - 1).unwrap_or(0),
             restarted: false,
         })
+    }
+
+    /// The stream was begun anew: the next reply need not go on where the last one was.
+    pub fn interrupt(&mut self) {
+        self.unbroken = false;
+    }
+
+    /// Whether the ticks are where the host's clock has them, `since_ns` after the counter's 0.
+    fn is_timely(&self, ticks: i64, since_ns: i64) -> bool {
+        let off_ns = ticks.saturating_mul(self.tick_ns).saturating_sub(since_ns);
+        off_ns.abs() <= DOUBTFUL_NS
     }
 
     /// Decides about ticks that are far off: two in a row that agree with each other are a restart.
@@ -162,6 +196,8 @@ impl Pace {
     ) -> Place {
         self.counter.restart();
         let ticks = self.counter.push(u32::from(reading), None);
+        self.early_ns = raw_ns.saturating_sub(ticks.saturating_mul(self.tick_ns));
+        self.unbroken = true;
         self.last = Some(Last {
             ticks,
             number,
@@ -285,6 +321,65 @@ mod tests {
         let place = on(pace.push((105 + pause) as u16, raw_ns));
         assert_eq!(place.ticks, 105 + pause);
         assert_eq!(place.missing as i64, (pause + 2) / 5 - 1);
+    }
+
+    #[test]
+    fn what_waited_in_the_host_is_late_and_no_restart() {
+        // A reader that is stopped for so long: what the host kept comes at once, then the stream
+        // goes on, some of it lost.
+        for (stopped_s, lost) in [(3i64, 0i64), (5, 300), (90, 8800), (200, 19_800)] {
+            let mut pace = Pace::new(TICK_NS);
+            pace.learn(5);
+            let arrives = |k: i64| 5 * k * TICK_NS as i64 + 16_000_000;
+            let reading = |k: i64| (40_000 + 5 * k) as u16;
+            for k in 0..100 {
+                on(pace.push(reading(k), arrives(k)));
+            }
+            let back = 100 + stopped_s * 100;
+            let kept = back - lost;
+            let mut missing = 0;
+            for k in 100..back + 500 {
+                if (kept..back).contains(&k) {
+                    continue;
+                }
+                let place = on(pace.push(reading(k), arrives(k.max(back))));
+                assert_eq!(
+                    (place.ticks, place.number),
+                    (40_000 + 5 * k, k),
+                    "{stopped_s} s"
+                );
+                assert!(!place.restarted);
+                missing += place.missing as i64;
+            }
+            assert_eq!((missing, pace.implausible()), (lost, 0), "{stopped_s} s");
+        }
+    }
+
+    #[test]
+    fn a_stream_begun_anew_need_not_go_on() {
+        // The counter happens to begin a little after where the last reply was.
+        let ns = 10_000_000;
+        let mut pace = Pace::new(TICK_NS);
+        for k in 0..10 {
+            on(pace.push(65_000 + 5 * k as u16, k * ns));
+        }
+        pace.interrupt();
+        assert_eq!(pace.push(3, 1000 * ns), Pushed::Doubtful);
+        assert!(on(pace.push(8, 1001 * ns)).restarted);
+    }
+
+    #[test]
+    fn a_clock_that_is_off_drifts_and_does_not_restart() {
+        // An hour at a step of 10 ms, 5000 ppm slow and fast.
+        for ppm in [-5000, 5000] {
+            let mut pace = Pace::new(TICK_NS);
+            pace.learn(5);
+            for k in 0..360_000i64 {
+                let raw_ns = 5 * k * (TICK_NS as i64 + TICK_NS as i64 * ppm / 1_000_000);
+                let place = on(pace.push((5 * k) as u16, raw_ns));
+                assert_eq!((place.number, place.restarted), (k, false), "{ppm} ppm");
+            }
+        }
     }
 
     #[test]

@@ -174,6 +174,7 @@ impl Samples {
                 Mode::Continuous => code == u16::from(self.leading().byte()),
                 Mode::Polled(_) => code == 0,
             };
+            self.pace.interrupt();
         }
         if !self.begun || !self.setup.commands.contains(&command) {
             return;

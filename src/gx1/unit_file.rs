@@ -6,6 +6,7 @@ use super::command::Command;
 use super::scale::Gains;
 use super::session::Identity;
 use super::ticks::TickFactors;
+use crate::link::RecordingError;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -82,6 +83,15 @@ impl UnitFile {
             "# What imu-read must know of the unit to read the recording beside this file.\n";
         // A plain table of numbers is always TOML.
         format!("{head}{}", toml::to_string(self).unwrap_or_default())
+    }
+
+    /// Writes it beside a recording.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with the name of this file.
+    pub fn save_beside(&self, recording: &Path) -> Result<(), RecordingError> {
+        let path = beside(recording);
+        std::fs::write(&path, self.text()).map_err(|error| RecordingError::new(&path, &error))
     }
 
     /// The gains.

@@ -27,10 +27,7 @@ pub enum ClientError {
     #[error(transparent)]
     Link(#[from] LinkError),
     /// No answer in time.
-    #[error(
-        "{place}: no answer to {request} within {waited_s} s; is it a Hokuyo that speaks SCIP 2.0, \
-         and does nothing else talk to it?"
-    )]
+    #[error("{place}: no answer to {request} within {waited_s} s")]
     Silent {
         /// Host and port, or the serial port.
         place: String,

@@ -34,7 +34,8 @@ pub struct RecordingError {
 }
 
 impl RecordingError {
-    fn new(path: &Path, error: &io::Error) -> RecordingError {
+    /// What the system says of `path`.
+    pub fn new(path: &Path, error: &io::Error) -> RecordingError {
         let text = error.to_string();
         let reason = text.split(" (os error").next().unwrap_or_default();
         RecordingError {

@@ -17,7 +17,7 @@ pub const POSE_STATE: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 pub struct Pose {
     /// The instant that the pose is for.
     pub stamp: Stamp,
-    /// Stamp of the scan it came from.
+    /// Stamp of the scan it came from; where poses come without it, the stamp that they came with.
     pub scan_stamp: Stamp,
     /// Sequence number of that scan.
     pub seq: u32,
@@ -124,6 +124,7 @@ impl Record for Pose {
     fn visit_mut<V: VisitMut>(&mut self, v: &mut V) -> Result<(), V::Error> {
         use Presence::{Optional, Required};
         v.column("stamp_ns", Required, &mut self.stamp)?;
+        self.scan_stamp = self.stamp;
         v.column("scan_stamp_ns", Optional, &mut self.scan_stamp)?;
         v.column("seq", Optional, &mut self.seq)?;
         let components = self.position_m.iter_mut().chain(&mut self.rotation_rad);

@@ -149,6 +149,18 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(number * unit_s).map_err(|_| wanted())
 }
 
+/// Reads a span of time with a sign, s: `8ms`, `-3ms`, `+3ms`; for clap's `value_parser`.
+pub fn parse_signed_duration(text: &str) -> Result<f64, String> {
+    let (sign, size) = match text.strip_prefix('-') {
+        Some(size) => (-1.0, size),
+        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    if size.starts_with(['-', '+']) {
+        return Err("a time with one sign is wanted".to_owned());
+    }
+    parse_duration(size).map(|size| sign * size.as_secs_f64())
+}
+
 /// Reads when a recording goes on in a new file: a size (`100MB`, `4GiB`), an age (`10min`), or both
 /// with a bar between them, whichever is first; for clap's `value_parser`.
 pub fn parse_rotation(text: &str) -> Result<Rotation, String> {

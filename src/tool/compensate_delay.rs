@@ -5,7 +5,7 @@ use crate::link::HostInstant;
 use crate::motion::{Carrier, CarryMethod, CarryOptions, Inertia};
 use crate::record::{ImuSample, Pose, Stamp, Status, TrajectoryPoint};
 use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -45,7 +45,7 @@ pub struct Args {
 #[command(next_help_heading = "Delay")]
 struct DelayArgs {
     /// From measurement to use, positive when the measurement lags; with --to now, from writing to use
-    #[arg(long, value_name = "TIME", value_parser = parse_signed, allow_hyphen_values = true)]
+    #[arg(long, value_name = "TIME", value_parser = parse_signed_duration, allow_hyphen_values = true)]
     delay: Option<f64>,
     /// The delay and its sigma from a result of timesync delay (JSON: delay_s, sigma_s)
     #[arg(long, value_name = "FILE", conflicts_with = "delay")]
@@ -86,7 +86,7 @@ struct MotionArgs {
     #[arg(long, value_enum, value_name = "HOW", default_value_t = Integration::Exact)]
     integration: Integration,
     /// desired: standard deviation of the true velocity about the desired one
-    #[arg(long, value_name = "M/S", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "M/S", default_value_t = 0.0, value_parser = not_negative, requires = "motion")]
     following_sigma_m_s: f64,
     /// imu: its samples, a file or a FIFO, CSV or MCAP [default: those in an MCAP input]
     #[arg(long, value_name = "FILE")]
@@ -95,10 +95,10 @@ struct MotionArgs {
     #[arg(short, long, value_name = "FILE")]
     frame: Option<PathBuf>,
     /// How long a live --motion is waited for
-    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "motion")]
     motion_wait: Duration,
     /// How long a live --imu is waited for
-    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "imu")]
     imu_wait: Duration,
     /// Points of --motion and samples of --imu further away than this tell nothing
     #[arg(long, value_name = "TIME", default_value = "100ms", value_parser = parse_duration)]
@@ -118,7 +118,8 @@ enum Method {
     Desired,
     /// The poses before, with a velocity
     ConstantVelocity,
-    /// The poses before, with velocity and acceleration
+    /// The poses before, with velocity and acceleration; after a jerk of tens of m/s^3 it is further
+    /// off than its covariance says
     ConstantAcceleration,
     /// Rates and accelerations of --imu, with the velocity of the poses before
     Imu,
@@ -257,6 +258,9 @@ impl MotionArgs {
         }
         if method != Method::Imu && self.imu.is_some() {
             return usage("--imu belongs to --method imu");
+        }
+        if method != Method::Imu && self.frame.is_some() {
+            return usage("--frame has the IMU's mounting, and belongs to --method imu");
         }
         Ok(match (method, self.integration) {
             (Method::Desired, Integration::Exact) => CarryMethod::DesiredExact,
@@ -427,14 +431,6 @@ fn parse_to(text: &str) -> Result<stream::Instant, String> {
         return Ok(NOW);
     }
     crate::tool::common::parse_instant(text).map_err(|why| format!("{why}, or now"))
-}
-
-/// A span of time with a sign, s.
-fn parse_signed(text: &str) -> Result<f64, String> {
-    match text.strip_prefix('-') {
-        Some(text) => parse_duration(text).map(|span| -span.as_secs_f64()),
-        None => parse_duration(text).map(|span| span.as_secs_f64()),
-    }
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

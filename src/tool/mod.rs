@@ -37,9 +37,34 @@ pub fn main<A: clap::Parser>(
             let status = exit::status(&error);
             let interrupted = matches!(error.downcast_ref(), Some(Fault::Interrupted(_)));
             if status != 0 && !interrupted {
-                eprintln!("{name}: {error:#}");
+                eprintln!("{name}: {}", without_numbers(&format!("{error:#}")));
             }
             status.into()
         }
+    }
+}
+
+/// A message without the system's numbers for its errors, which say nothing to people.
+fn without_numbers(message: &str) -> String {
+    let mut parts = message.split(" (os error ");
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        text.push_str(part.split_once(')').map_or("", |(_, rest)| rest));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_have_no_numbers_of_errors() {
+        let full = "a.csv: No space left on device (os error 28): gone (os error 5)";
+        assert_eq!(
+            without_numbers(full),
+            "a.csv: No space left on device: gone"
+        );
+        assert_eq!(without_numbers("a (b): c"), "a (b): c");
     }
 }

@@ -61,22 +61,22 @@ struct PitchArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "pitch_deg")]
     imu: Option<PathBuf>,
     /// Standard deviation of the IMU's pitch [default: the samples' own, 0.5 where they have none]
-    #[arg(long, value_name = "DEG", value_parser = not_negative)]
+    #[arg(long, value_name = "DEG", value_parser = not_negative, conflicts_with = "pitch_deg")]
     imu_pitch_sigma_deg: Option<f64>,
     /// How long a live IMU is waited for
-    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "imu", conflicts_with = "pitch_deg")]
     imu_wait: Duration,
     /// A sample further than this from the scan is stale
-    #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "50ms", value_parser = parse_duration, conflicts_with = "pitch_deg")]
     imu_max_age: Duration,
     /// Samples further apart than this many usual periods are not blended
-    #[arg(long, value_name = "PERIODS", default_value_t = 3.0, value_parser = not_negative)]
+    #[arg(long, value_name = "PERIODS", default_value_t = 3.0, value_parser = not_negative, conflicts_with = "pitch_deg")]
     imu_max_gap: f64,
     /// A constant pitch in place of an IMU [default without an IMU: 0, sigma 1 deg, status no-imu]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pitch_deg: Option<f64>,
     /// Standard deviation of --pitch-deg
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative, requires = "pitch_deg", conflicts_with = "imu")]
     pitch_sigma_deg: f64,
 }
 
@@ -415,5 +415,37 @@ fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("a number that is not negative is wanted".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn no_option_about_pitch_is_without_effect() {
+        let taken = |options: &str| {
+            let words = format!("solve-pose -f frame.toml {options}");
+            Args::try_parse_from(words.split_whitespace()).is_ok()
+        };
+        for options in [
+            "--imu imu.csv --imu-wait 1s --imu-max-age 1s --imu-max-gap 4 --imu-pitch-sigma-deg 1",
+            "--imu-max-age 1s",
+            "--pitch-deg 0 --pitch-sigma-deg 0.1",
+        ] {
+            assert!(taken(options), "{options}");
+        }
+        for options in [
+            "--pitch-sigma-deg 0.1",
+            "--imu imu.csv --pitch-sigma-deg 0.1",
+            "--imu-wait 1s",
+            "--pitch-deg 0 --imu-pitch-sigma-deg 1",
+            "--pitch-deg 0 --imu-max-age 1s",
+            "--pitch-deg 0 --imu-max-gap 4",
+            "--pitch-deg 0 --imu-wait 1s",
+        ] {
+            assert!(!taken(options), "{options}");
+        }
     }
 }

@@ -81,6 +81,8 @@ pub const LEAST: usize = 12;
 /// An axis along which the desired motion goes less far is left out, m, or less than this share of
 /// the longest.
 const LEAST_TRAVEL_M: f64 = 0.02;
+/// The same for an axis that was asked for: less is rounding, and tells nothing of a gain.
+const LEAST_ASKED_M: f64 = 1e-6;
 const LEAST_SHARE: f64 = 0.05;
 
 /// The axes that are used: those asked for, or those along which the motion goes.
@@ -96,7 +98,9 @@ fn axes(motion: &dyn Motion, wanted: Option<[bool; 3]>) -> Result<Vec<usize>, De
     let travel_m = high - low;
     let least_m = LEAST_TRAVEL_M.max(LEAST_SHARE * travel_m.max());
     let used = |axis: &usize| match wanted {
-        Some(wanted) => wanted.get(*axis).copied().unwrap_or(false) && travel_m[*axis] > 0.0,
+        Some(wanted) => {
+            wanted.get(*axis).copied().unwrap_or(false) && travel_m[*axis] > LEAST_ASKED_M
+        }
         None => travel_m[*axis] >= least_m,
     };
     let axes: Vec<usize> = (0..3).filter(used).collect();

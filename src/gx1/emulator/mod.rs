@@ -17,6 +17,8 @@ mod memory;
 mod reading;
 
 use super::command::{Argument, Command, Word};
+use super::session::Identity;
+use super::unit_file::UnitFile;
 use super::{eeprom, packet, ticks, wire_time_s};
 use crate::link::emulation::{Device, LineId, Outbox};
 use crate::record::ImuSample;
@@ -166,6 +168,18 @@ impl<S: Senses> Emulator<S> {
     /// What it has done.
     pub fn tally(&self) -> Tally {
         self.tally
+    }
+
+    /// What a recording of it needs beside it, when `commands` are read from it.
+    pub fn unit_file(&self, commands: &[Command]) -> UnitFile {
+        let identity = Identity {
+            firmware: FIRMWARE,
+            serial: self.behaviour.serial,
+        };
+        let (gains, tick) = (self.memory.gains(), self.memory.tick());
+        let mut unit = UnitFile::new(identity, self.behaviour.baud, gains, tick);
+        unit.commands = commands.iter().map(|command| command.byte()).collect();
+        unit
     }
 
     /// What it feels.

@@ -31,9 +31,9 @@ pub fn telegram_bytes(dialect: Dialect, beams: usize, present: &Present) -> usiz
     }
 }
 
-/// What is to be said where a line of `baud` is too slow for how the device is set; none where it
-/// is fast enough or too little is known.
-pub fn overload(dialect: Dialect, baud: u32, present: &Present) -> Option<String> {
+/// The length of a scan's telegram as the device is set, bytes, and how many of them a line of `baud`
+/// carries a second; none where too little is known.
+pub fn carried(dialect: Dialect, baud: u32, present: &Present) -> Option<(usize, f64)> {
     let scan = present.scan?;
     let range = present
         .range
@@ -41,8 +41,14 @@ pub fn overload(dialect: Dialect, baud: u32, present: &Present) -> Option<String
     let span = u32::try_from(range[1].checked_sub(range[0])?).ok()?;
     let beams = (f64::from(span) / f64::from(scan.resolution.max(1))).round() as usize + 1;
     let bytes = telegram_bytes(dialect, beams, present);
+    Some((bytes, baud::telegrams_a_second(baud, bytes)))
+}
+
+/// What is to be said where a line of `baud` is too slow for how the device is set; none where it
+/// is fast enough or too little is known.
+pub fn overload(dialect: Dialect, baud: u32, present: &Present) -> Option<String> {
+    let (bytes, carried) = carried(dialect, baud, present)?;
     let made = 1.0 / present.interval_s()?;
-    let carried = baud::telegrams_a_second(baud, bytes);
     if carried >= made {
         return None;
     }

@@ -3,6 +3,7 @@
 use crate::frame::Frame;
 use crate::gx1::attitude::Sense;
 use crate::gx1::{Command, Gains};
+use crate::link::Endpoint;
 use crate::record::Axes;
 use crate::stream::Fault;
 use std::path::PathBuf;
@@ -215,6 +216,14 @@ pub fn parse_rate(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "a rate from 0.01 to 200 Hz is wanted".to_owned())
 }
 
+/// The unit's port, by its path: a name without a slash is a host's.
+pub fn parse_port(text: &str) -> Result<Endpoint, String> {
+    match text.parse() {
+        Ok(port @ Endpoint::Serial(_)) => Ok(port),
+        _ => Err("the path of a serial port is wanted, such as /dev/ttyUSB0 or ./unit".to_owned()),
+    }
+}
+
 /// An address on RS-485.
 pub fn parse_address(text: &str) -> Result<u8, String> {
     text.parse()
@@ -249,6 +258,19 @@ mod tests {
         // Nothing that writes, calibrates or tares can be streamed.
         for text in ["0x0F", "0x29", "tare", "0x06", "31", ""] {
             assert!(parse_command(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_port_is_a_path() {
+        for text in ["/dev/ttyUSB0", "./unit", "COM3"] {
+            assert_eq!(
+                parse_port(text).map(|port| port.to_string()),
+                Ok(text.to_owned())
+            );
+        }
+        for text in ["unit", "192.168.0.1:2111", ""] {
+            assert!(parse_port(text).is_err(), "{text}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! The stream of a unit on a port.
 
 use super::NAME;
-use super::arguments::{CommandArgs, SampleArgs, parse_address, parse_baud};
+use super::arguments::{CommandArgs, SampleArgs, parse_address, parse_baud, parse_port};
 use super::sink::Sink;
 use crate::gx1::framer::FramerCounts;
 use crate::gx1::session::{Identity, Patience};
@@ -10,7 +10,9 @@ use crate::gx1::unit_file::{self, UnitFile};
 use crate::gx1::{
     Command, Mode, Samples, Session, SessionError, Setup, command, samples, wire_time_s,
 };
-use crate::link::{Backoff, Endpoint, HostInstant, LinkError, Rotation, latency_timer};
+use crate::link::{
+    Backoff, Endpoint, HostInstant, LinkError, RecordingError, Rotation, latency_timer,
+};
 use crate::record::Stamp;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use crate::tool::common::{CommonArgs, parse_duration, parse_rotation};
@@ -26,7 +28,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Debug, clap::Args)]
 pub struct LiveArgs {
     /// Serial port of the unit
-    #[arg(value_name = "DEVICE", required = true)]
+    #[arg(value_name = "DEVICE", required = true, value_parser = parse_port)]
     pub device: Option<Endpoint>,
     /// End after N samples
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -98,10 +100,6 @@ const POLL_WAIT: Duration = Duration::from_millis(500);
 pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
     let device = args.device.clone();
     let device = device.ok_or_else(|| Fault::Usage("a serial port is wanted".into()))?;
-    if let Endpoint::Tcp { host, .. } = &device {
-        let text = format!("{host}: a serial port is wanted, such as /dev/ttyUSB0");
-        return Err(Fault::Usage(text).into());
-    }
     let bus = args.line.rs485_address;
     let commands = args.commands.commands(bus.is_some());
     if let (Some(_), Some(command)) = (bus, commands.iter().find(|c| c.bus_byte(0).is_none())) {
@@ -294,14 +292,9 @@ impl Live {
             unit.poll_hz = Some(hz);
         }
         unit.bus_address = self.args.line.rs485_address;
-        let io = |text: String| Fault::Io(text);
-        self.tee
-            .borrow_mut()
-            .open()
-            .map_err(|error| io(error.to_string()))?;
-        let beside = unit_file::beside(path);
-        std::fs::write(&beside, unit.text())
-            .map_err(|error| io(format!("{}: {}", beside.display(), plain(&error))))?;
+        let unwritten = |error: RecordingError| Fault::Io(error.to_string());
+        self.tee.borrow_mut().open().map_err(unwritten)?;
+        unit.save_beside(path).map_err(unwritten)?;
         Ok(())
     }
 
@@ -395,10 +388,14 @@ impl Live {
             if now.replies - now.repeated > signs.replies - signs.repeated {
                 last_sign = Instant::now();
             }
+            let writing = Instant::now();
             sink.drain(samples)?;
             if sink.done() || ending.reached() {
                 return Ok(());
             }
+            sink.flush()?;
+            // A consumer that is slow is no silence of the unit.
+            last_sign += writing.elapsed();
             self.poll(session, &mut polling, led)?;
             let silence = samples.period_s().map_or(SILENCE * 2, |period_s| {
                 SILENCE.max(Duration::from_secs_f64(
@@ -422,7 +419,6 @@ impl Live {
                 }
                 .into());
             }
-            sink.flush()?;
             session.read(self.next_wait(&polling))?;
         }
     }
@@ -590,13 +586,6 @@ impl Live {
             eprintln!("{NAME}: {text}");
         }
     }
-}
-
-/// What the system says, without its number for it.
-fn plain(error: &std::io::Error) -> String {
-    let text = error.to_string();
-    let text = text.split(" (os error").next();
-    text.unwrap_or_default().to_owned()
 }
 
 /// Whether an error may go away by itself: a port that is not there yet.

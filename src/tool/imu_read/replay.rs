@@ -65,6 +65,10 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
     let stop = Stop::install()?;
     let unit = find_unit(&args)?;
     if args.packets {
+        if options.output.is_some() || args.common.format.is_some() {
+            let text = "--packets prints text to stdout: -o and --format are of samples";
+            return Err(Fault::Usage(text.into()).into());
+        }
         return print_packets(&args, &options, unit.as_ref(), &stop);
     }
     let frame = args.samples.frame()?;

@@ -1,7 +1,7 @@
 //! Questions to a unit: who it is, what its cells hold, its bias, tare and tick, its conventions.
 
 use super::NAME;
-use super::arguments::{parse_address, parse_baud};
+use super::arguments::{parse_address, parse_baud, parse_port};
 use crate::gx1::attitude::Sense;
 use crate::gx1::conventions::Observation;
 use crate::gx1::eeprom::{self, Cell, Guard};
@@ -21,7 +21,7 @@ use std::time::Duration;
 #[derive(Clone, Debug, clap::Args)]
 pub struct UnitArgs {
     /// Serial port of the unit; what it streams is stopped
-    #[arg(value_name = "DEVICE")]
+    #[arg(value_name = "DEVICE", value_parser = parse_port)]
     pub device: Endpoint,
     /// Speed of the unit, Bd [default: found by asking]
     #[arg(long, value_name = "BD", value_parser = parse_baud)]

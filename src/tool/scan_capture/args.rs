@@ -299,7 +299,9 @@ fn parse_epoch(text: &str) -> Result<Stamp, String> {
 
 fn parse_rate(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(rate_hz) if (0.0..=10_000.0).contains(&rate_hz) => Ok(rate_hz),
-        _ => Err("a number of requests a second is wanted".to_owned()),
+        // What stands for once a scan.
+        Ok(0.0) => Ok(0.0),
+        Ok(rate_hz) if (0.001..=10_000.0).contains(&rate_hz) => Ok(rate_hz),
+        _ => Err("a number of requests a second from 0.001 to 10000 is wanted".to_owned()),
     }
 }

@@ -5,7 +5,7 @@
 //! beside this one loop.
 
 use super::NAME;
-use super::args::Args;
+use super::args::{Args, DeviceKind};
 use crate::link::{Backoff, Endpoint};
 use crate::record::Scan;
 use crate::stream::{Fault, Options, Outcome, Output, Place, WindowState};
@@ -22,8 +22,10 @@ const GLANCE: Duration = Duration::from_millis(100);
 const BACKOFF: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(1)];
 /// How long a scanner may take to be ready, unless told.
 const READY: Duration = Duration::from_secs(60);
-/// No two remarks on lost scans come closer than this.
+/// No two remarks on lost scans, or on bad pieces, come closer than this.
 const REMARKS_APART: Duration = Duration::from_secs(1);
+/// No limit is further away, so that it can be reckoned with.
+const FOR_EVER: Duration = Duration::from_secs(100 * 366 * 86_400);
 
 /// Why there is no stream (any more).
 #[derive(Debug)]
@@ -80,6 +82,7 @@ pub(super) trait Scanner {
 #[derive(Clone, Debug)]
 pub(super) struct Settings {
     device: Endpoint,
+    kind: DeviceKind,
     n_scans: Option<u64>,
     span: Option<Duration>,
     wait: Option<Duration>,
@@ -90,9 +93,10 @@ impl Settings {
         let device = args.device.clone();
         Ok(Settings {
             device: device.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
+            kind: args.live.kind,
             n_scans: args.n_scans,
             span: args.live.span,
-            wait: args.live.wait,
+            wait: args.live.wait.map(|wait| wait.min(FOR_EVER)),
         })
     }
 }
@@ -116,6 +120,7 @@ pub(super) fn run<S: Scanner>(
         written: 0,
         faults: 0,
         outages: 0,
+        newest: None,
         told: Told::default(),
         done: None,
     };
@@ -123,8 +128,11 @@ pub(super) fn run<S: Scanner>(
     ending.set_over();
     // The recording ends where the records do.
     let recorded = tee.borrow_mut().finish(capture.done);
+    // The last record does not wait for the device's farewell.
+    let flushed = capture.flush();
     capture.scanner.stop();
     streamed?;
+    flushed?;
     capture.finish(recorded)
 }
 
@@ -141,21 +149,28 @@ struct Capture<'a, S> {
     written: u64,
     faults: u64,
     outages: u64,
+    /// When the last scan came.
+    newest: Option<Instant>,
     told: Told,
     /// Where in the stream the last scan wanted ended: there is no more to do.
     done: Option<u64>,
 }
 
-/// What has been said about losses.
+/// What has been said about losses, and about bad pieces.
 #[derive(Default)]
 struct Told {
     lost: u64,
     restarts: u64,
     at: Option<Instant>,
+    faults: u64,
+    faults_at: Option<Instant>,
+    /// The last of them.
+    fault: String,
 }
 
 /// A line that is down.
 struct Outage {
+    /// When the last scan came.
     since: Instant,
 }
 
@@ -225,7 +240,8 @@ impl<S: Scanner> Capture<'_, S> {
                     }
                     Heard::Fault(text) => {
                         self.faults += 1;
-                        self.remark(&text);
+                        self.told.fault = text;
+                        self.tell_faults();
                     }
                 }
             }
@@ -233,6 +249,7 @@ impl<S: Scanner> Capture<'_, S> {
                 last = Instant::now();
                 self.tell_losses(false);
             }
+            self.tell_faults();
             self.flush()?;
             if self.ending.reached() {
                 return Ok(None);
@@ -258,6 +275,7 @@ impl<S: Scanner> Capture<'_, S> {
             self.ending.due_in(span);
         }
         self.scans += 1;
+        self.newest = Some(Instant::now());
         let scan = self.scanner.scan();
         match (self.window.place(scan.stamp), &mut self.output) {
             (Place::Inside, Some(output)) => {
@@ -298,9 +316,8 @@ impl<S: Scanner> Capture<'_, S> {
             let late = began.elapsed() >= self.settings.wait.unwrap_or(READY);
             if !patient || late {
                 let reason = with_place(place, reason);
-                return Err(
-                    Fault::Unavailable(format!("{reason}. {}", advice(place, patient))).into(),
-                );
+                let advice = advice(place, self.settings.kind, patient);
+                return Err(Fault::Unavailable(format!("{reason}. {advice}")).into());
             }
             if said != reason {
                 self.remark(&format!("{}; trying again", with_place(place, reason)));
@@ -313,7 +330,7 @@ impl<S: Scanner> Capture<'_, S> {
             self.tell_losses(true);
             self.remark(&format!("{}; reconnecting", with_place(place, reason)));
             *outage = Some(Outage {
-                since: Instant::now(),
+                since: self.newest.unwrap_or_else(Instant::now),
             });
         } else if said != reason && self.options.verbose > 0 {
             self.remark(&with_place(place, reason));
@@ -331,8 +348,12 @@ impl<S: Scanner> Capture<'_, S> {
         } else {
             "by its count"
         };
+        let cost = match lost {
+            0 => String::new(), // a poller does not miss the scans it has not asked for
+            lost => format!("; {lost} lost ({how})"),
+        };
         let text = format!(
-            "{}: scans again after {:.2} s; {lost} lost ({how})",
+            "{}: scans again after {:.2} s{cost}",
             self.settings.device,
             outage.since.elapsed().as_secs_f64(),
         );
@@ -355,6 +376,22 @@ impl<S: Scanner> Capture<'_, S> {
             "{}: {lost} scans lost before scan {seq}",
             self.settings.device
         ));
+    }
+
+    /// Says what was skipped: at once, but not too often. The end has the sum.
+    fn tell_faults(&mut self) {
+        let new = self.faults - self.told.faults;
+        let since = self.told.faults_at.map(|at| at.elapsed());
+        if new == 0 || since.is_some_and(|since| since < REMARKS_APART) {
+            return;
+        }
+        self.told.faults = self.faults;
+        self.told.faults_at = Some(Instant::now());
+        let (place, last) = (&self.settings.device, &self.told.fault);
+        self.remark(&match new {
+            1 => format!("{place}: {last}"),
+            new => format!("{place}: {new} bad pieces, the last: {last}"),
+        });
     }
 
     fn finish(
@@ -414,13 +451,17 @@ fn with_place(place: &Endpoint, reason: &str) -> String {
 }
 
 /// What to try where a device cannot be reached.
-fn advice(place: &Endpoint, waited: bool) -> String {
-    let text = match place {
-        Endpoint::Tcp { .. } => {
+fn advice(place: &Endpoint, kind: DeviceKind, waited: bool) -> String {
+    let text = match (place, kind) {
+        (Endpoint::Tcp { .. }, DeviceKind::Hokuyo) => {
+            "Is the scanner on, is it one that speaks SCIP 2.0, is this its address (192.168.0.10 \
+             as delivered) and port (10940), and is no other program connected to it?"
+        }
+        (Endpoint::Tcp { .. }, DeviceKind::Sick) => {
             "Is the scanner on, is this its address (192.168.0.1 as delivered) and port (2112 or \
              2111), and is the host in its network?"
         }
-        Endpoint::Serial(_) => {
+        (Endpoint::Serial(_), _) => {
             "Is this the port (scan-capture list shows them), may you open it (group dialout), and \
              is no other program using it?"
         }

@@ -56,9 +56,13 @@ pub(super) struct Sick {
     telegram: LmdScandata,
     scan_end: u64,
     polled: Option<Reply>,
+    /// What became of a poll that was not answered.
+    unanswered: Option<String>,
     next_poll: Instant,
     /// From scan to scan as far as it is known, s.
     interval_s: f64,
+    /// How long a serial line needs for a scan, s; 0 on a network.
+    line_s: f64,
     scans_on_line: u64,
     others: BTreeMap<String, u64>,
     notes: BTreeMap<String, String>,
@@ -94,8 +98,10 @@ impl Sick {
             telegram: LmdScandata::default(),
             scan_end: 0,
             polled: None,
+            unanswered: None,
             next_poll: Instant::now(),
             interval_s: 0.04,
+            line_s: 0.0,
             scans_on_line: 0,
             others: BTreeMap::new(),
             notes: BTreeMap::new(),
@@ -217,15 +223,19 @@ impl Sick {
     fn ask_interval(&mut self, client: &mut Client) -> Result<(), ClientError> {
         let present = Present::read(client)?;
         self.interval_s = present.interval_s().unwrap_or(0.04);
-        if !client.line().is_tcp()
-            && let Some(text) = load::overload(client.dialect(), self.baud, &present)
+        if client.line().is_tcp() {
+            return Ok(());
+        }
+        let dialect = client.dialect();
+        self.line_s = match load::carried(dialect, self.baud, &present) {
+            Some((_, scans_a_second)) => 1.0 / scans_a_second,
+            None => 1.0,
+        };
+        if let Some(text) = load::overload(dialect, self.baud, &present)
+            && !self.overloaded
         {
-            if !self.overloaded {
-                self.remark(&text);
-            }
+            self.remark(&text);
             self.overloaded = true;
-            // A scan takes as long as the line does.
-            self.interval_s = self.interval_s.max(1.0);
         }
         Ok(())
     }
@@ -330,6 +340,8 @@ impl Sick {
     }
 
     fn poll_now(&mut self, timeout: Duration) -> Result<(), ClientError> {
+        // Some polls fit into the patience; one takes the line its time.
+        let limit = (self.patience() / 3).max(Duration::from_secs_f64(1.5 * self.line_s));
         let Some(client) = &mut self.client else {
             return Ok(());
         };
@@ -339,20 +351,36 @@ impl Sick {
             return Ok(());
         }
         let began = Instant::now();
-        self.polled = Some(client.poll()?);
-        // One scan's period at most passes unseen between two polls.
-        let pause_s = match self.poll {
-            Some(rate_hz) if rate_hz > 0.0 => 1.0 / rate_hz,
-            _ => self.interval_s * 0.45,
-        };
-        self.next_poll = began + Duration::from_secs_f64(pause_s);
+        match client.request_within(&commands::last_scan(), limit) {
+            Ok(reply) => self.polled = Some(reply),
+            // A reply that a wrong bit has cost is no outage: the next poll shows whether it is one.
+            Err(error @ ClientError::Silent { .. }) => self.unanswered = Some(error.to_string()),
+            Err(error) => return Err(error),
+        }
+        self.next_poll = began + Duration::from_secs_f64(self.poll_pause_s());
         Ok(())
+    }
+
+    /// From poll to poll, s.
+    fn poll_pause_s(&self) -> f64 {
+        match self.poll {
+            Some(rate_hz) if rate_hz > 0.0 => 1.0 / rate_hz,
+            // One scan's period at most passes unseen between two polls.
+            Some(_) => self.interval_s * 0.45,
+            None => 0.0,
+        }
+    }
+
+    /// How long a scan may be on its way, s.
+    fn scan_s(&self) -> f64 {
+        self.interval_s.max(self.line_s).max(self.poll_pause_s())
     }
 }
 
 impl Scanner for Sick {
     fn start(&mut self, deadline: Instant) -> Result<(), LineFault> {
         self.polled = None;
+        self.unanswered = None;
         self.scans_on_line = 0;
         let mut client = self.connect().map_err(fault)?;
         let first = !self.answered;
@@ -391,6 +419,9 @@ impl Scanner for Sick {
     }
 
     fn next(&mut self) -> Option<Heard> {
+        if let Some(text) = self.unanswered.take() {
+            return Some(Heard::Fault(text));
+        }
         if let Some(reply) = self.polled.take() {
             let telegram = reply.telegram();
             self.scan_end = telegram.last_offset();
@@ -451,7 +482,7 @@ impl Scanner for Sick {
         if self.scans_on_line == 0 {
             return if self.set_now { SETTLED } else { FIRST_SCAN };
         }
-        Duration::from_secs_f64(PERIODS * self.interval_s).max(LEAST_PATIENCE)
+        Duration::from_secs_f64(PERIODS * self.scan_s()).max(LEAST_PATIENCE)
     }
 
     fn has_answered(&self) -> bool {

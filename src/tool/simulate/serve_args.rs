@@ -149,7 +149,7 @@ pub struct ImuArgs {
     /// Be the IMU on a serial line: a pseudo terminal that LINK points to (see SERVING)
     #[arg(long, value_name = "LINK", conflicts_with_all = ["replay", "real_time"])]
     pub imu_pty: Option<PathBuf>,
-    /// Record what a reader of the IMU would get over the run: bytes in FILE, times of arrival beside it
+    /// Record what a reader of the IMU would get over the run: bytes in FILE, with FILE.times.csv and FILE.unit.toml beside it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["imu_pty", "serving", "real_time"])]
     pub imu_record: Option<PathBuf>,
     /// Its speed: 19200, 38400, 115200; who listens at another hears garbage

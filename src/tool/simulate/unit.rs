@@ -255,6 +255,10 @@ pub(super) fn record(args: &Args, options: &Options, path: &Path) -> anyhow::Res
         .unit
         .imu_streams
         .unwrap_or(Command::StabilisedEulerAccelRate);
+    if !streamed.is_measurement() {
+        let text = format!("--imu-streams: {streamed} is no measurement to record");
+        return Err(Fault::Usage(text).into());
+    }
     let behaviour = Behaviour {
         power_up: None,
         ..behaviour
@@ -294,6 +298,8 @@ pub(super) fn record(args: &Args, options: &Options, path: &Path) -> anyhow::Res
         }
     }
     recorder.finish().map_err(unwritten)?;
+    let unit = device.unit_file(&[streamed]);
+    unit.save_beside(path).map_err(unwritten)?;
     Ok(())
 }
 

@@ -6,7 +6,7 @@ use crate::link::HostInstant;
 use crate::motion::{Motion, Sampled};
 use crate::record::{DelayPoint, Pose, Stamp, TrajectoryPoint};
 use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::fmt::Write;
@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long)]
     fixed_offset: bool,
     /// dissertation: what is added to the delay by hand, with its sign: 8ms, -3ms
-    #[arg(long, value_name = "TIME", value_parser = parse_signed, allow_hyphen_values = true)]
+    #[arg(long, value_name = "TIME", value_parser = parse_signed_duration, allow_hyphen_values = true)]
     adjust: Option<f64>,
     /// Write the error that is left for each delay to FILE, records of kind delay
     #[arg(long, value_name = "FILE")]
@@ -355,12 +355,4 @@ fn parse_axes(text: &str) -> Result<[bool; 3], String> {
         [false, false, false] => Err("letters out of x, y and z are wanted".to_owned()),
         _ => Ok(axes),
     }
-}
-
-fn parse_signed(text: &str) -> Result<f64, String> {
-    let (sign, size) = match text.strip_prefix('-') {
-        Some(size) => (-1.0, size),
-        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
-    };
-    parse_duration(size).map(|size| sign * size.as_secs_f64())
 }

@@ -2,14 +2,15 @@
 
 use super::text::{seconds, sigma};
 use super::{Estimator, TOOL, text};
-use crate::clock::{ClockEvent, ClockFit, FitError, FitSettings, Log, Session, Verdict, Wire, fit};
+use crate::clock::{
+    ClockEvent, ClockFit, Exchange, FitError, FitSettings, Log, Session, Verdict, Wire, fit,
+};
 use crate::record::ClockExchange;
 use crate::stream::{self, Fault, Outcome};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::common::{CommonArgs, parse_signed_duration};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// Offset and drift of a device's clock, from a log of exchanges
 ///
@@ -43,9 +44,10 @@ pub(super) struct FitArgs {
     /// Take off the time on the wire of request and answer, by their lengths, at this speed: 100Mbit
     #[arg(long, value_name = "SPEED", value_parser = parse_wire)]
     wire: Option<Wire>,
-    /// How much longer the shortest answer takes than the shortest request, where it is known
-    #[arg(long, value_name = "TIME", default_value = "0us", value_parser = parse_duration)]
-    asymmetry: Duration,
+    /// How much longer the shortest answer takes than the shortest request, where it is known;
+    /// negative where it is the request
+    #[arg(long, value_name = "TIME", default_value = "0us", value_parser = parse_signed_duration, allow_hyphen_values = true)]
+    asymmetry: f64,
     /// How often the log is drawn anew to find the scatter; 0 is never
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     resamples: u32,
@@ -56,13 +58,38 @@ impl FitArgs {
         FitSettings {
             method: self.method.method(),
             resamples: self.resamples,
-            asymmetry_ns: self.asymmetry.as_secs_f64() * 1e9,
+            asymmetry_ns: self.asymmetry * 1e9,
             tick_ns: None,
         }
     }
 
     pub fn wire(&self) -> Option<Wire> {
         self.wire
+    }
+
+    /// Whether what was said of the link can be: no way takes less than no time.
+    ///
+    /// # Errors
+    /// A fault of usage that gives the shortest round trip.
+    pub fn fits(&self, log: &Log) -> Result<(), Fault> {
+        let exchanges = log.sessions.iter().flat_map(|s| &s.exchanges);
+        let Some(least_ns) = exchanges.map(Exchange::round_trip_ns).min() else {
+            return Ok(());
+        };
+        let least_us = least_ns as f64 * 1e-3;
+        if self.wire.is_some() && least_ns < 0 {
+            return Err(Fault::Usage(format!(
+                "--wire: at that speed request and answer would be on the wire for {:.1} us longer \
+                 than the shortest round trip took; the link is faster",
+                -least_us
+            )));
+        }
+        if self.asymmetry.abs() * 1e6 > least_us {
+            return Err(Fault::Usage(format!(
+                "--asymmetry: more than the shortest round trip, {least_us:.1} us"
+            )));
+        }
+        Ok(())
     }
 }
 
@@ -97,6 +124,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
                     records have none: give --asymmetry";
         return Err(Fault::BadData(what.into()).into());
     }
+    args.how.fits(&log)?;
     let fits: Vec<(ClockFit, &Session)> = fitted(&log, &args.how.settings())?;
     let text = match args.json {
         true => json(&log, &fits)?,

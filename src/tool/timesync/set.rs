@@ -2,11 +2,11 @@
 
 use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, at_utc_ns, fault};
 use super::{TOOL, text};
-use crate::clock::{ClockFit, FitSettings, Log, fit};
+use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::link::HostInstant;
 use crate::record::Stamp;
 use crate::sick::client::commands::{ScanContents, UserLevel};
-use crate::sick::client::{Client, ClientError, Reply};
+use crate::sick::client::{Client, ClientError};
 use crate::sick::scandata::Calendar;
 use crate::stream::{Fault, Outcome, Stop};
 use crate::tool::common::parse_duration;
@@ -19,6 +19,9 @@ use std::time::{Duration, Instant};
 /// again with the delay that was found taken off, and says what is left. Not while scans are
 /// recorded: a clock in use is translated, not moved. Where the time block was off it is switched on
 /// for this, and off again at the end.
+///
+/// Where the time block says when a scan was done, and not when it was sent, it tells nothing of
+/// delays: then the instants between which the device took the setting are gone by.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -48,19 +51,31 @@ const TRIES: u32 = 4;
 /// What was done.
 #[derive(Debug, Serialize)]
 struct Report {
+    /// How both were found.
+    found_by: FoundBy,
     /// Device minus host after the first setting, s.
     first_s: f64,
     /// Device minus host after the second one, s.
     residual_s: f64,
     /// The scatter of the residual, s.
     sigma_s: Option<f64>,
-    /// Half the shortest round trip of the polls, s: what asymmetry could hide.
+    /// Half the shortest round trip of the polls, or of the setting, s: what asymmetry could hide.
     bracket_s: Option<f64>,
     /// The residual lies between these for certain, s: the value set minus the instants between
     /// which the device took it.
     probe_s: [f64; 2],
     /// The host's UTC at which the residual was found, ns.
     at_utc_ns: i64,
+}
+
+/// How the calendar clock was looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum FoundBy {
+    /// By the time blocks of polled scans.
+    Polls,
+    /// By the instants between which the setting was taken: the time blocks precede the requests.
+    Setting,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -137,34 +152,45 @@ fn set_twice(
             eprintln!("{TOOL}: the scans' time block is switched on");
         }
     }
-    set(client, 0)?;
+    let taken = set(client, 0)?;
     client.run().map_err(fault)?;
-    let Some(first) = look(args, client, stop)? else {
+    let Some(seen) = look(args, client, stop)? else {
         return Ok(None);
     };
-    let mut best: Option<Report> = None;
+    let first = Left::of(&seen, taken);
+    if first.found_by == FoundBy::Setting && !args.quiet {
+        eprintln!(
+            "{TOOL}: the time blocks precede the requests that they answer; going by the setting's \
+             own round trip"
+        );
+    }
+    // The device was set to the time at which the request left, and took it later: it is behind.
+    let mut late_ns = -first.offset_ns;
+    let mut last: Option<Report> = None;
     for _ in 0..TRIES {
         log_in(client, hash)?;
-        // The device was set to the time at which the request left, and took it later: it is behind.
-        let (value_ns, reply) = set(client, -first.offset_ns)?;
+        let taken = set(client, late_ns)?;
         client.run().map_err(fault)?;
         let Some(seen) = look(args, client, stop)? else {
             return Ok(None);
         };
-        let probe = |instant: HostInstant| (value_ns - instant.utc.ns()) as f64 * 1e-9;
+        let left = Left::of(&seen, taken);
         let report = Report {
+            found_by: left.found_by,
             first_s: first.offset_ns as f64 * 1e-9,
-            residual_s: seen.offset_ns as f64 * 1e-9,
-            sigma_s: seen.fit.offset_sigma_ns.map(|ns| ns * 1e-9),
-            bracket_s: seen.fit.bracket_ns.map(|ns| ns * 1e-9),
-            probe_s: [probe(reply.received), probe(reply.sent)],
-            at_utc_ns: seen.at_utc_ns,
+            residual_s: left.offset_ns as f64 * 1e-9,
+            sigma_s: left.sigma_ns.map(|ns| ns * 1e-9),
+            bracket_s: left.bracket_ns.map(|ns| ns * 1e-9),
+            probe_s: taken.probe_ns().map(|ns| ns as f64 * 1e-9),
+            at_utc_ns: left.at_utc_ns,
         };
         let left_s = report.residual_s.abs();
-        best = Some(report);
+        last = Some(report);
         if left_s <= GOOD_S {
             break;
         }
+        // The first request may have been the one that was held up.
+        late_ns = late_ns.min(late_ns - left.offset_ns).max(0);
         if !args.quiet {
             eprintln!(
                 "{TOOL}: {:.1} ms are left, the request was held up: once more",
@@ -172,18 +198,73 @@ fn set_twice(
             );
         }
     }
-    Ok(best)
+    Ok(last)
 }
 
-/// Sets the clock to the host's time plus `ahead_ns`; gives the value and the answer.
-fn set(client: &mut Client, ahead_ns: i64) -> anyhow::Result<(i64, Reply)> {
+/// A setting: the value, and the host's UTC between which the device took it, ns.
+#[derive(Clone, Copy, Debug)]
+struct Taken {
+    value_ns: i64,
+    sent_ns: i64,
+    received_ns: i64,
+}
+
+impl Taken {
+    /// Least and most that the calendar can be off right after it, ns.
+    fn probe_ns(&self) -> [i64; 2] {
+        [
+            self.value_ns.saturating_sub(self.received_ns),
+            self.value_ns.saturating_sub(self.sent_ns),
+        ]
+    }
+}
+
+/// What is left after a setting.
+#[derive(Clone, Copy, Debug)]
+struct Left {
+    found_by: FoundBy,
+    offset_ns: i64,
+    sigma_ns: Option<f64>,
+    bracket_ns: Option<f64>,
+    at_utc_ns: i64,
+}
+
+impl Left {
+    fn of(seen: &Seen, taken: Taken) -> Left {
+        if seen.fit.verdict != Verdict::OneWayStampsVoid {
+            return Left {
+                found_by: FoundBy::Polls,
+                offset_ns: seen.offset_ns,
+                sigma_ns: seen.fit.offset_sigma_ns,
+                bracket_ns: seen.fit.bracket_ns,
+                at_utc_ns: seen.at_utc_ns,
+            };
+        }
+        let [least_ns, most_ns] = taken.probe_ns();
+        let half_ns = most_ns.saturating_sub(least_ns) / 2;
+        Left {
+            found_by: FoundBy::Setting,
+            offset_ns: least_ns.saturating_add(half_ns),
+            sigma_ns: None,
+            bracket_ns: Some(half_ns as f64),
+            at_utc_ns: taken.sent_ns.saturating_add(half_ns),
+        }
+    }
+}
+
+/// Sets the clock to the host's time plus `ahead_ns`.
+fn set(client: &mut Client, ahead_ns: i64) -> anyhow::Result<Taken> {
     let now_ns = HostInstant::now().utc.ns() + ahead_ns;
     let value_ns = now_ns - now_ns.rem_euclid(1000);
     let calendar = Calendar::at(Stamp::from_ns(value_ns)).ok_or_else(|| {
         Fault::Unavailable("the host's clock is outside the years 1970 to 2261".into())
     })?;
     let reply = client.set_date_time(&calendar).map_err(fault)?;
-    Ok((value_ns, reply))
+    Ok(Taken {
+        value_ns,
+        sent_ns: reply.sent.utc.ns(),
+        received_ns: reply.received.utc.ns(),
+    })
 }
 
 /// What the calendar clock is off.

@@ -15,9 +15,12 @@ pub(super) fn write(path: Option<&Path>, text: &str) -> anyhow::Result<()> {
     };
     let Some(path) = path.filter(|path| *path != Path::new("-")) else {
         let mut out = std::io::stdout().lock();
-        out.write_all(text.as_bytes())?;
-        out.flush()?;
-        return Ok(());
+        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+        return written.map_err(|error| match error.kind() {
+            // A reader that has left is told from a fault by the error itself.
+            std::io::ErrorKind::BrokenPipe => error.into(),
+            _ => fault(Path::new("stdout"), &error).into(),
+        });
     };
     if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
         return fs::OpenOptions::new()

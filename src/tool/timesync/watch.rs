@@ -90,7 +90,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
         if Instant::now() >= next {
             next += args.every;
-            if let Some(line) = line(&mut window, args, &settings, poller.counts.lost) {
+            let log = Log::of(window.make_contiguous(), args.how.wire());
+            args.how.fits(&log)?;
+            if let Some(line) = line(&log, &settings, poller.counts.lost) {
                 let text = match args.json {
                     true => serde_json::to_string(&line)? + "\n",
                     false => words(&line),
@@ -111,13 +113,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// What the exchanges in the window say of now.
-fn line(
-    window: &mut VecDeque<ClockExchange>,
-    args: &Args,
-    settings: &FitSettings,
-    lost: u64,
-) -> Option<Line> {
-    let log = Log::of(window.make_contiguous(), args.how.wire());
+fn line(log: &Log, settings: &FitSettings, lost: u64) -> Option<Line> {
     // Only the newest session counts: the device may have restarted.
     let session = log.sessions.last()?;
     let found: ClockFit = fit(&session.exchanges, settings).ok()?;
