@@ -427,6 +427,35 @@ fn a_byte_stream_holds_what_the_records_hold() {
     assert_eq!(decoded.rows().len() as u64, 30 - lost);
 }
 
+#[test]
+fn beams_between_the_grid_are_the_same_in_records_and_telegrams() {
+    let dir = scratch("emulator-between");
+    let run = "simulate -f frame.toml --frequency-hz 50 --resolution-deg 0.3333 --n-scans 5 \
+               --effects reference";
+    sh(&dir, &format!("{run} -o records.csv")).expect(0);
+    sh(&dir, &format!("{run} --format cola -o run.cola")).expect(0);
+    let records = sh(&dir, "cat records.csv").expect(0);
+    let decoded = sh(&dir, "scan-capture -q --replay run.cola").expect(0);
+    assert_eq!(decoded.column("ranges_mm"), records.column("ranges_mm"));
+    let mut framer = Framer::new();
+    framer.feed(&std::fs::read(dir.join("run.cola")).unwrap());
+    let mut scans = 0;
+    while let Some(event) = framer.next() {
+        let mut scan = LmdScandata::default();
+        if let Event::Telegram(telegram) = event
+            && is_scan(&telegram)
+        {
+            scan.parse(&telegram).unwrap();
+            // As a real LMS511 has it.
+            let channel = &scan.channels[0];
+            let head = (channel.start_angle, channel.angular_step);
+            assert_eq!((head, channel.values.len()), ((-48_333, 3333), 570));
+            scans += 1;
+        }
+    }
+    assert_eq!(scans, 5);
+}
+
 /// A client that has asked for scans and was told that they come, however often it must try.
 fn started(served: &Served) -> Client {
     let since = Instant::now();
@@ -477,6 +506,45 @@ fn resets_reboots_and_dark_lines() {
     let (status, said) = served.end();
     assert_eq!(status, 0);
     assert!(number_before(&said, " left out") > 10, "{said}");
+}
+
+#[test]
+fn a_driver_that_reconnects_and_changes_the_frequency_finds_a_course_that_waits() {
+    let dir = scratch("emulator-driver");
+    // As the help has it for drivers.
+    let recipe = "-f frame.toml --hold --trajectory loop --loops 1000 --serve 127.0.0.1:0";
+    let served = Served::start(&dir, &format!("{recipe} --dialect a --settle 1500ms"));
+    let mut client = served.client();
+    client.dialect = Dialect::Text;
+    let login = client.ask(b"sMN SetAccessMode 03 F4724744");
+    assert_eq!(login, b"sAN SetAccessMode 1");
+    assert_eq!(client.ask(b"sWN EIHstCola 1"), b"sWA EIHstCola");
+    drop(client);
+    let mut client = served.client();
+    assert_eq!(
+        client.ask(b"sMN SetAccessMode \x03\xf4\x72\x47\x44"),
+        b"sAN SetAccessMode \x01"
+    );
+    client.start();
+    let last = client.scan();
+    assert_eq!((last.scan_counter, last.scan_frequency), (1, 3500));
+    let mode = client
+        .ask(b"sMN mLMPsetscancfg \0\0\x13\x88\0\x01\0\0\x13\x88\xff\xff\x3c\xb0\0\x1c\x3a\x90");
+    assert!(mode.starts_with(b"sAN mLMPsetscancfg \0"));
+    assert_eq!(client.ask(b"sMN Run"), b"sAN Run \x01");
+    let first = loop {
+        let scan = client.scan();
+        if scan.scan_frequency == 5000 {
+            break scan;
+        }
+    };
+    // By the scanner's own clock, however late a loaded machine may be.
+    let silent_us = first.scan_tick_us - last.transmit_tick_us;
+    assert!(silent_us >= 1_500_000, "{silent_us}");
+    drop(client);
+    served.client().start();
+    served.signal("TERM");
+    assert_eq!(served.end(), (0, String::new()));
 }
 
 #[test]
@@ -543,6 +611,11 @@ fn what_does_not_go_together_is_refused() {
         ),
         ("-f frame.toml --format cola --faults chunk=3", 2, "chunks"),
         ("-f frame.toml --hold", 2, "--hold belongs to --serve"),
+        (
+            "-f frame.toml --format cola --settle 1s",
+            2,
+            "--settle belongs",
+        ),
         ("-f frame.toml --clock-ppm 20", 2, "--format cola"),
         (
             "-f frame.toml --format cola --speed max",

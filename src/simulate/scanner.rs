@@ -111,7 +111,7 @@ impl Scanner {
 
     /// Angle by which the scan's first beam comes after the aperture's start, deg.
     fn lead_deg(&self) -> f64 {
-        f64::from(self.place) * self.mode.resolution_deg()
+        self.mode.first_beam_deg() + f64::from(self.place) * self.mode.resolution_deg()
     }
 
     /// Number of beams.
@@ -195,13 +195,19 @@ mod tests {
             .iter()
             .map(|mode| Scanner::new(&frame, hr, *mode).count())
             .collect();
-        let plain = [761, 1141, 761, 381, 571, 381, 381, 191, 286, 191];
+        let plain = [761, 1141, 761, 381, 570, 381, 381, 191, 286, 191];
         let interlaced = [571, 381, 286, 286, 191, 571, 1141];
         assert_eq!(counts, [&plain[..], &interlaced[..]].concat());
         let utm = model(&frame, Some("utm-30lx")).unwrap();
         assert_eq!(Scanner::new(&frame, utm, utm.modes[0]).count(), 1081);
         let lms200 = model(&frame, Some("lms200")).unwrap();
         assert_eq!(Scanner::new(&frame, lms200, lms200.modes[0]).count(), 361);
+        // As recorded: from -4.8333 to 184.8333 deg.
+        let between = Scanner::new(&frame, hr, hr.mode(50.0, 0.3333).unwrap());
+        assert!((between.angle_rad(0).to_degrees() + 29.0 / 6.0).abs() < 1e-9);
+        assert!((between.angle_rad(569).to_degrees() - 1109.0 / 6.0).abs() < 1e-9);
+        let reference_s = between.lead_s() + between.reference_s();
+        assert!((reference_s * 50.0 - 95.0 / 360.0).abs() < 1e-12);
         let scanner = Scanner::new(&frame, hr, hr.modes[0]);
         // 35 Hz: 1440 steps a revolution, 380 of them up to 90 deg.
         assert!((scanner.time_increment_s() - 1.0 / 35.0 / 1440.0).abs() < 1e-18);

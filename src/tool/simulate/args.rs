@@ -31,6 +31,9 @@ SERVING
   spoken to in; without a port it is 2111 (CoLa A) and 2112. When the trajectory ends, it waits for
   the clients to leave (--linger), ends the connections in order and ends with status 0, as it does
   on SIGINT and SIGTERM. -v accounts for every scan.
+  A driver connects several times before it listens. For it the course waits and lasts:
+    simulate -f frame.toml --hold --trajectory loop --loops 1000 --serve 127.0.0.1:2112
+    simulate --replay run.cola --repeat 0 --serve 127.0.0.1:2112
   With --imu-pty it is (also) the IMU, a 3DM-GX1 on a serial line that moves with the same platform at
   the same time; alone it ends with the trajectory. --hold waits for the first client that wants
   scans, or, without a scanner, samples.

@@ -170,7 +170,7 @@ pub(super) fn behaviour(
         host_dialect,
         boot: serve.boot.unwrap_or(Duration::ZERO),
         reboot: serve.boot.unwrap_or(REBOOT),
-        settle: SETTLE,
+        settle: serve.settle.unwrap_or(SETTLE),
         hold: serve.hold,
         linger: serve.linger,
         clock_ppm: serve.clock_ppm,

@@ -60,6 +60,9 @@ pub struct ServeArgs {
     /// How long the scanner starts before it measures [default: 0s; 2s after a reboot]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub boot: Option<Duration>,
+    /// How long no scans come after a change of the scan frequency; a device may need 30s [default: 500ms]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub settle: Option<Duration>,
     /// Set the scanner's calendar to this much ahead of UTC [default: nobody has set it]
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = parse_offset)]
     pub clock_offset_s: Option<f64>,
@@ -88,11 +91,12 @@ impl ServeArgs {
 }
 
 /// The options of an emulated device, and whether they also fit a stream of its telegrams.
-const OPTIONS: [(&str, bool); 12] = [
+const OPTIONS: [(&str, bool); 13] = [
     ("hold", false),
     ("linger", false),
     ("speed", false),
     ("boot", false),
+    ("settle", false),
     ("replay", true),
     ("repeat", true),
     ("faults", true),

@@ -65,6 +65,7 @@ pub(super) fn run(args: &Args, setup: Setup, options: &Options) -> anyhow::Resul
 fn refuse_foreign(serve: &ServeArgs) -> Result<(), Fault> {
     let foreign = [
         (serve.dialect != "any", "--dialect"),
+        (serve.settle.is_some(), "--settle"),
         (serve.clock_offset_s.is_some(), "--clock-offset-s"),
         (serve.stamp != TransmitStamp::Send, "--stamp"),
     ];
