@@ -142,7 +142,7 @@ fn the_examples_of_the_readme_run() {
         .skip(1)
         .map(|rest| rest.split("```").next().unwrap())
         .collect();
-    assert_eq!(blocks.len(), 3);
+    assert_eq!(blocks.len(), 4);
     for block in blocks {
         let ended = sh(&dir, &format!("set -e\n{block}"));
         assert_eq!(ended.status, 0, "{block}\n{}", ended.stderr);
