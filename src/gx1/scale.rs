@@ -95,7 +95,7 @@ impl Gains {
         saturated(gauss * GAIN_UNIT / f64::from(self.mag))
     }
 
-    /// The value of any word in the unit of [`unit`].
+    /// The value of any word in the unit of [`unit()`].
     pub fn value(self, word: Word, bits: u16) -> f64 {
         match word {
             Word::Mag(_) | Word::MagMin(_) | Word::MagMax(_) | Word::MagOffset(_) => {

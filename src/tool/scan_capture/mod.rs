@@ -1,13 +1,13 @@
 //! scan-capture: scans from a laser scanner, or from a recorded byte stream of one.
 //!
-//! - [`args`] the command line
-//! - [`live`] what every scanner's capture has in common: time limits, outages, signals, the end; a
-//!   [`live::Scanner`] speaks to one kind of device
-//! - [`sick`] the one that speaks to a SICK scanner
-//! - [`hokuyo`] the one that speaks to a Hokuyo
-//! - [`configure`] what it is to be set to; [`info`] what it tells of itself, and the serial ports
-//! - [`replay`] recordings
-//! - [`angle_jitter`] the model of a motor's jitter, read and learned
+//! - `args` the command line
+//! - `live` what every scanner's capture has in common: time limits, outages, signals, the end; a
+//!   `live::Scanner` speaks to one kind of device
+//! - `sick` the one that speaks to a SICK scanner
+//! - `hokuyo` the one that speaks to a Hokuyo
+//! - `configure` what it is to be set to; `info` what it tells of itself, and the serial ports
+//! - `replay` recordings
+//! - `angle_jitter` the model of a motor's jitter, read and learned
 
 mod angle_jitter;
 mod args;
