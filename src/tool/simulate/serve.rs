@@ -202,11 +202,11 @@ fn open(
                 "simulate: {address} can be reached from other machines; nothing is encrypted"
             );
         }
-        eprintln!("simulate: serving lms511 at {address}");
+        announce("lms511", &address);
     }
     if let Some(link) = &serve.serve_pty {
         emulation.open_pty(device, link, Some(serve.baud))?;
-        eprintln!("simulate: serving lms511 at {}", link.display());
+        announce("lms511", &link.display());
     }
     Ok(())
 }
@@ -216,4 +216,11 @@ pub(super) fn fault(error: LinkError) -> Fault {
         LinkError::Open { .. } => Fault::Unavailable(error.to_string()),
         _ => Fault::Io(error.to_string()),
     }
+}
+
+/// Says on stderr where an emulated device is, in one write: whoever follows the text never meets
+/// half an address.
+pub(super) fn announce(device: &str, place: &dyn std::fmt::Display) {
+    let line = format!("simulate: serving {device} at {place}\n");
+    eprint!("{line}");
 }

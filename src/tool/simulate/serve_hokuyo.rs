@@ -1,5 +1,6 @@
 //! `simulate --serve --model utm-30lx`: a Hokuyo, emulated.
 
+use super::serve::announce;
 use super::serve_args::{Address, ServeArgs};
 use super::source::Simulation;
 use super::{Args, Sides};
@@ -94,13 +95,13 @@ fn open(
                 "simulate: {address} can be reached from other machines; nothing is encrypted"
             );
         }
-        eprintln!("simulate: serving {MODEL} at {address}");
+        announce(MODEL, &address);
     }
     if let Some(link) = &serve.serve_pty {
         // Its serial line is USB, which knows no speed.
         let baud = (serve.baud != LMS_BAUD).then_some(serve.baud);
         emulation.open_pty(device, link, baud)?;
-        eprintln!("simulate: serving {MODEL} at {}", link.display());
+        announce(MODEL, &link.display());
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `simulate --imu-pty`: the IMU itself, emulated on a serial line, beside the scanner or alone.
 
-use super::serve::fault;
+use super::serve::{announce, fault};
 use super::serve_args::ImuArgs;
 use super::{Args, args};
 use crate::gx1::emulator::{Behaviour, Emulator, Senses};
@@ -165,7 +165,7 @@ fn open(
     emulation
         .open_serial(&mut device, link, serial)
         .map_err(fault)?;
-    eprintln!("simulate: serving imu at {}", link.display());
+    announce("imu", &link.display());
     Ok((emulation, device))
 }
 
