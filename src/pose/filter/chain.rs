@@ -1,0 +1,340 @@
+//! Scans as a chain: a Kalman filter forwards, a Rauch-Tung-Striebel smoother backwards, and strip
+//! edges as boxes on the way.
+//!
+//! A box is no Gaussian, and two scans that see an edge between the same two beams are not two
+//! measurements. Three rules keep the covariance honest:
+//!
+//! - Every box has the Gaussian factor that expectation propagation (Minka 2001) gives it against all
+//!   that the other scans say, forwards and backwards. Scan after scan of a moving platform, the boxes
+//!   intersect as they would on a grid.
+//! - Of a run of scans that see an edge between the same two beams only the first and the last count.
+//!   What moves steadily and was inside at both has been inside in between.
+//! - While the platform stands, its boxes are one set: the state that they bound is the same. A box
+//!   that holds another one says nothing; equal ones count once.
+
+use super::state::{N, Nuisances, State, Step};
+use crate::pose::gaussian::Gaussian;
+use crate::pose::interval::{BoxFactor, Site, revise};
+use crate::pose::joint::THRESHOLD;
+use crate::record::{EdgeKind, Face};
+use std::collections::VecDeque;
+
+/// A linear measurement `row . state = value`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    pub row: State,
+    pub value: f64,
+    pub variance: f64,
+}
+
+/// Which edge of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct EdgeName {
+    pub face: Face,
+    pub strip: i32,
+    pub kind: EdgeKind,
+}
+
+/// An edge between two beams.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct EdgeBox {
+    pub name: EdgeName,
+    /// Angles of the two beams, rad.
+    pub beams_rad: [f64; 2],
+    pub factor: BoxFactor<N>,
+    site: Site,
+    /// Whether it is the first of its run.
+    first: bool,
+    /// Whether it counts, or the run's first and last stand for it.
+    counts: bool,
+}
+
+/// Beams nearer to each other than this are the same, rad. Half a step is 2e-3; what deskewing makes
+/// of a beam at rest is far less.
+const SAME_BEAM_RAD: f64 = 4e-4;
+
+impl EdgeBox {
+    pub(super) fn new(name: EdgeName, beams_rad: [f64; 2], factor: BoxFactor<N>) -> EdgeBox {
+        EdgeBox {
+            name,
+            beams_rad,
+            factor,
+            site: Site::default(),
+            first: true,
+            counts: true,
+        }
+    }
+
+    fn is_same(&self, other: &EdgeBox) -> bool {
+        self.holds(other) && other.holds(self)
+    }
+
+    /// Whether this one is true wherever the other one is.
+    fn holds(&self, other: &EdgeBox) -> bool {
+        let ([from, to], [other_from, other_to]) = (self.beams_rad, other.beams_rad);
+        self.name == other.name
+            && from <= other_from + SAME_BEAM_RAD
+            && to >= other_to - SAME_BEAM_RAD
+    }
+
+    /// The box as one of several scans: the scan's own threshold becomes a blur.
+    fn kept(mut self, nuisances: &Nuisances) -> EdgeBox {
+        let own = self.factor.row[THRESHOLD] * nuisances.threshold_scan_sigma;
+        self.factor.softness = self.factor.softness.hypot(own);
+        self.factor.row[THRESHOLD] = 0.0;
+        self
+    }
+
+    /// By how much a state misses the box beyond its softness, in standard deviations of the state.
+    pub(super) fn violation(&self, state: &Gaussian<N>) -> f64 {
+        let f = &self.factor;
+        let at = f.row.dot(&state.mean);
+        let variance = f.row.dot(&state.along(&f.row));
+        let miss = (f.low - at).max(at - f.high);
+        miss / (variance + f.softness * f.softness).sqrt()
+    }
+}
+
+/// A scan in the chain.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    /// How the state got here from the scan before.
+    pub step: Step,
+    pub points: Vec<Point>,
+    pub boxes: Vec<EdgeBox>,
+    predicted: Gaussian<N>,
+    filtered: Gaussian<N>,
+    smoothed: Gaussian<N>,
+}
+
+impl Node {
+    pub(super) fn new(step: Step, points: Vec<Point>, boxes: Vec<EdgeBox>) -> Node {
+        let nothing = Gaussian {
+            mean: State::zeros(),
+            covariance: super::state::Square::zeros(),
+        };
+        Node {
+            step,
+            points,
+            boxes,
+            predicted: nothing,
+            filtered: nothing,
+            smoothed: nothing,
+        }
+    }
+
+    /// The state under all scans.
+    pub(super) fn smoothed(&self) -> &Gaussian<N> {
+        &self.smoothed
+    }
+
+    /// Puts the scan into what the scans before predict, its boxes by their present factors.
+    fn update(&mut self) {
+        let mut state = self.predicted;
+        for point in &self.points {
+            state.observe(&point.row, point.value, point.variance);
+        }
+        for held in self.boxes.iter().filter(|b| b.counts) {
+            let gain = state.along(&held.factor.row);
+            let variance = held.factor.row.dot(&gain);
+            let pull = held.site.nu - held.site.tau * held.factor.row.dot(&state.mean);
+            state.tighten(&gain, variance, held.site.tau, pull);
+        }
+        self.filtered = state;
+    }
+}
+
+/// Goes over the boxes until their factors agree with the state; returns the largest change, in
+/// standard deviations.
+fn refine(state: &mut Gaussian<N>, boxes: &mut [EdgeBox], sweeps: usize, share: f64) -> f64 {
+    let mut first = None;
+    for _ in 0..sweeps {
+        let mut change = 0.0f64;
+        for held in boxes.iter_mut().filter(|b| b.counts) {
+            change = change.max(revise(state, &held.factor, &mut held.site, share));
+        }
+        first.get_or_insert(change);
+        if change < SETTLED {
+            break;
+        }
+    }
+    first.unwrap_or(0.0)
+}
+
+/// Passes over one scan's boxes.
+const SWEEPS: usize = 12;
+/// Part of a factor's change that is taken over.
+const SHARE: f64 = 0.8;
+/// Factors that change the state by less of its standard deviation have settled.
+const SETTLED: f64 = 1e-3;
+
+/// Scans one after the other.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    /// The state before the first scan.
+    prior: Gaussian<N>,
+    nuisances: Nuisances,
+    nodes: VecDeque<Node>,
+}
+
+impl Chain {
+    pub(super) fn new(prior: Gaussian<N>, nuisances: Nuisances) -> Chain {
+        Chain {
+            prior,
+            nuisances,
+            nodes: VecDeque::new(),
+        }
+    }
+
+    pub(super) fn nodes(&self) -> impl ExactSizeIterator<Item = &Node> {
+        self.nodes.iter()
+    }
+
+    /// The state at the newest scan under all scans so far.
+    pub(super) fn newest(&self) -> &Gaussian<N> {
+        self.nodes.back().map_or(&self.prior, |node| &node.filtered)
+    }
+
+    /// The state that a step leads to, from the newest scan.
+    pub(super) fn predict(&self, step: &Step) -> Gaussian<N> {
+        if self.nodes.is_empty() {
+            return self.prior;
+        }
+        step.predict(self.newest(), &self.nuisances)
+    }
+
+    /// The boxes that bound the newest state.
+    pub(super) fn newest_boxes(&self) -> &[EdgeBox] {
+        self.nodes.back().map_or(&[], |node| &node.boxes)
+    }
+
+    /// Takes the next scan in.
+    pub(super) fn push(&mut self, mut node: Node) {
+        if let Some(last) = self.nodes.back_mut() {
+            if node.step.is_rest() {
+                keep_boxes(last, &mut node, &self.nuisances);
+            } else {
+                join_runs(last, &mut node);
+            }
+            last.update();
+        }
+        node.predicted = self.predict(&node.step);
+        node.update();
+        refine(&mut node.filtered, &mut node.boxes, SWEEPS, SHARE);
+        self.nodes.push_back(node);
+    }
+
+    /// Passes backwards and forwards, at most `passes` of each, until the boxes' factors agree.
+    pub(super) fn settle(&mut self, passes: usize) {
+        for _ in 0..passes {
+            let change = self.backward(SHARE);
+            self.forward();
+            if change < SETTLED {
+                break;
+            }
+        }
+    }
+
+    /// Whether a pass back could teach the newest state anything.
+    pub(super) fn has_older_boxes(&self) -> bool {
+        let older = self.nodes.len().saturating_sub(1);
+        let mut older = self.nodes.iter().take(older);
+        older.any(|node| node.boxes.iter().any(|b| b.counts))
+    }
+
+    fn forward(&mut self) {
+        let mut before: Option<Gaussian<N>> = None;
+        for node in &mut self.nodes {
+            node.predicted = match &before {
+                Some(state) => node.step.predict(state, &self.nuisances),
+                None => self.prior,
+            };
+            node.update();
+            before = Some(node.filtered);
+        }
+    }
+
+    /// The state of every scan under all of them, and the boxes' factors against it. Returns the
+    /// largest change.
+    pub(super) fn backward(&mut self, share: f64) -> f64 {
+        let mut change = 0.0f64;
+        let mut after: Option<(Gaussian<N>, Gaussian<N>, Step)> = None;
+        for node in self.nodes.iter_mut().rev() {
+            node.smoothed = node.filtered;
+            if let Some((smoothed, predicted, step)) = &after {
+                let carried = step.carry(&node.filtered.covariance, &self.nuisances);
+                // Where rounding has spoilt the covariance, the scan learns nothing from later ones.
+                if let Some(factor) = predicted.covariance.cholesky() {
+                    let gain = factor.solve(&carried).transpose();
+                    let off = smoothed.mean - predicted.mean;
+                    let less = smoothed.covariance - predicted.covariance;
+                    node.smoothed.mean += gain * off;
+                    let covariance = node.filtered.covariance + gain * less * gain.transpose();
+                    node.smoothed.covariance = 0.5 * (covariance + covariance.transpose());
+                }
+            }
+            change = change.max(refine(&mut node.smoothed, &mut node.boxes, 1, share));
+            after = Some((node.smoothed, node.predicted, node.step));
+        }
+        change
+    }
+
+    /// Forgets the oldest scans beyond `most`; what they say is in the prior of the others.
+    pub(super) fn trim(&mut self, most: usize) {
+        while self.nodes.len() > most {
+            let Some(mut oldest) = self.nodes.pop_front() else {
+                return;
+            };
+            let Some(next) = self.nodes.front_mut() else {
+                return;
+            };
+            // A run that goes on begins with the next scan instead: only what has ended is forgotten.
+            for held in oldest.boxes.iter_mut().filter(|b| b.counts) {
+                if let Some(goes_on) = next.boxes.iter_mut().find(|b| b.is_same(held)) {
+                    held.counts = false;
+                    goes_on.first = true;
+                    if !goes_on.counts {
+                        goes_on.counts = true;
+                        goes_on.site = Site::default();
+                    }
+                }
+            }
+            oldest.predicted = self.prior;
+            oldest.update();
+            self.prior = next.step.predict(&oldest.filtered, &self.nuisances);
+            next.predicted = self.prior;
+        }
+    }
+}
+
+/// At rest all boxes bound one state: they go on to the newest scan, each statement once.
+fn keep_boxes(last: &mut Node, node: &mut Node, nuisances: &Nuisances) {
+    let mut kept: Vec<EdgeBox> = Vec::with_capacity(last.boxes.len() + node.boxes.len());
+    for held in last.boxes.drain(..) {
+        kept.push(held.kept(nuisances));
+    }
+    for new in node.boxes.drain(..) {
+        if kept.iter().any(|old| new.holds(old)) {
+            continue;
+        }
+        kept.retain(|old| !old.holds(&new));
+        kept.push(new);
+    }
+    for held in &mut kept {
+        held.counts = true;
+        held.first = true;
+    }
+    node.boxes = kept;
+}
+
+/// Marks which boxes of a run count.
+fn join_runs(last: &mut Node, node: &mut Node) {
+    for new in &mut node.boxes {
+        if let Some(before) = last.boxes.iter_mut().find(|b| b.is_same(new)) {
+            new.first = false;
+            if !before.first {
+                before.counts = false;
+            }
+        }
+    }
+}
