@@ -61,8 +61,9 @@ impl Liveliness {
             return Gait::Rest;
         }
         let [_, slow, fast] = self.axis.character().levels;
-        let psd = (cruise * slow.acceleration_psd + start * fast.acceleration_psd)
-            / (cruise + start).max(f64::MIN_POSITIVE);
+        // The mean of the logarithms: a start that is hardly probable does not make a cruise lively.
+        let share = start / (cruise + start).max(f64::MIN_POSITIVE);
+        let psd = slow.acceleration_psd.powf(1.0 - share) * fast.acceleration_psd.powf(share);
         Gait::Moving { psd }
     }
 }

@@ -203,6 +203,11 @@ impl Chain {
         step.predict(self.newest(), &self.nuisances)
     }
 
+    /// How the newest state was reached.
+    pub(super) fn newest_step(&self) -> Option<&Step> {
+        self.nodes.back().map(|node| &node.step)
+    }
+
     /// The boxes that bound the newest state.
     pub(super) fn newest_boxes(&self) -> &[EdgeBox] {
         self.nodes.back().map_or(&[], |node| &node.boxes)

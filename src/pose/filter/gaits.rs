@@ -90,8 +90,8 @@ impl Gaits {
     pub(super) fn new(pitch_given: bool) -> Gaits {
         let [_, y, z, roll, _, _] = super::state::ANY_VELOCITY;
         Gaits {
-            y: Liveliness::new(ALONG, y),
-            z: Liveliness::new(ALONG, z),
+            y: Liveliness::new([super::state::tune(4, ALONG[0]), ALONG[1]], y),
+            z: Liveliness::new([super::state::tune(4, ALONG[0]), ALONG[1]], z),
             roll: Liveliness::new(ABOUT, roll),
             watches: [Watch::NEW; 3],
             in_plane: [Gait::Rest; 3],
@@ -127,12 +127,12 @@ impl Gaits {
             _ => of(watch_pitch, QUIET_TILT),
         };
         [
-            of(watch_x, QUIET_X),
+            of(watch_x, super::state::tune(5, QUIET_X)),
             y,
             z,
             roll,
             pitch,
-            of(watch_yaw, QUIET_TILT),
+            of(watch_yaw, super::state::tune(6, QUIET_TILT)),
         ]
     }
 

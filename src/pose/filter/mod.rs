@@ -16,6 +16,7 @@ mod state;
 pub use state::Nuisances;
 
 use crate::frame::Frame;
+use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
 use crate::pose::joint::{self, Estimator, PITCH};
 use crate::pose::pitch::{self, Pitch};
@@ -41,18 +42,18 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             nuisances: Nuisances::default(),
-            window: 24,
-            passes: 1,
+            window: state::tune(2, 24.0) as usize,
+            passes: state::tune(3, 1.0) as usize,
             longest_gap_s: 2.0,
         }
     }
 }
 
-/// Squared distance of y, z, roll, x and yaw from their prediction, over its variance and with the
-/// liveliest motion allowed for, beyond which the platform is elsewhere.
-const JUMP: f64 = 80.0;
-/// The liveliest motion, m^2/s^3 and rad^2/s^3: a jump is what 20 m/s^2 and 6 rad/s^2 do not explain.
-const LIVELIEST: [f64; 6] = [20.0, 60.0, 60.0, 10.0, 10.0, 10.0];
+/// Squared distance of a scan on its own from where the platform was going, over its variance, beyond
+/// which the platform is elsewhere.
+const JUMP: f64 = 60.0;
+/// Accelerations that are not expected to be exceeded, as a standard deviation, m/s^2 and rad/s^2.
+const ACCELERATION: [f64; 6] = [10.0, 20.0, 20.0, 10.0, 10.0, 10.0];
 /// A measurement this many standard deviations from the prediction is left out, if most others are
 /// not.
 const OUTLIER: f64 = 5.0;
@@ -260,11 +261,21 @@ fn differences(predicted: &Gaussian<N>, pose: &Pose) -> ([f64; 6], [f64; 6]) {
 
 /// Whether a scan on its own is from elsewhere than any motion leads.
 fn jumps(chain: &Chain, span_s: f64, pose: &Pose) -> bool {
+    // Of the first scan nothing is known but that it stands here or comes through here.
+    let resting = chain.newest_step().filter(|_| chain.nodes().len() > 1);
+    let resting = resting.map(|step| step.gaits);
     let step = Step {
         span_s,
-        gaits: LIVELIEST.map(|psd| crate::motion::Gait::Moving { psd }),
+        gaits: std::array::from_fn(|k| match resting {
+            // What stood has no velocity, though a filter that leaves the rest knows none.
+            Some(gaits) if gaits[k] == Gait::Rest => Gait::Rest,
+            _ => Gait::Moving { psd: 0.0 },
+        }),
     };
-    let (off, variance) = differences(&chain.predict(&step), pose);
+    let (off, mut variance) = differences(&chain.predict(&step), pose);
+    for (variance, acceleration) in variance.iter_mut().zip(ACCELERATION) {
+        *variance += (acceleration * span_s * span_s / 2.0).powi(2);
+    }
     let squared = off.iter().zip(&variance).enumerate();
     squared
         .filter(|(k, (off, variance))| *k != PITCH && off.is_finite() && **variance > 0.0)

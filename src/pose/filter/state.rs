@@ -45,8 +45,8 @@ pub struct Nuisances {
 impl Default for Nuisances {
     fn default() -> Self {
         Nuisances {
-            threshold_scan_sigma: 0.08,
-            threshold_sigma: 0.04,
+            threshold_scan_sigma: tune(0, 0.06),
+            threshold_sigma: tune(1, 0.04),
             footprint_sigma: 0.15,
             range_bias_walk: None,
             pitch_error_walk: 1e-5,
@@ -173,3 +173,7 @@ pub(super) fn prior(
 const ANY_TILT_RAD: f64 = 0.2;
 /// A pitch that is said to be exact is as good as this, rad.
 pub(super) const LEAST_RAD: f64 = 1e-5;
+
+pub(crate) fn tune(i: usize, default: f64) -> f64 {
+    std::env::var("CP_TUNE").ok().and_then(|t| t.split(',').nth(i).and_then(|v| v.parse().ok())).unwrap_or(default)
+}

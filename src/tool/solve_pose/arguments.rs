@@ -1,5 +1,6 @@
 //! The command line of solve-pose.
 
+use super::filter::FilterArgs;
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -30,6 +31,8 @@ pub struct Args {
     pub(super) pitch: PitchArgs,
     #[command(flatten)]
     pub(super) align: AlignArgs,
+    #[command(flatten)]
+    pub(super) filter: FilterArgs,
     #[command(flatten)]
     pub(super) common: CommonArgs,
 }
@@ -97,7 +100,7 @@ EXAMPLES
   The published method, to be compared with the default one:
     solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("a number that is not negative is wanted".to_owned()),
