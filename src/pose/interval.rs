@@ -50,7 +50,7 @@ pub fn propagate<const N: usize>(
     for _ in 0..sweeps {
         let mut change = 0.0f64;
         for (factor, site) in boxes.iter().zip(sites.iter_mut()) {
-            change = change.max(revise(state, factor, site, share));
+            change = change.max(revise(state, factor, site, 1.0, share));
         }
         share = DAMPING;
         if change < SETTLED {
@@ -60,11 +60,13 @@ pub fn propagate<const N: usize>(
 }
 
 /// Brings one box's factor nearer to what it should be against all else that the state knows, by this
-/// share of the way. Returns by how much that changed the state, in standard deviations.
+/// share of the way. The state holds the factor `copies` times, for as many boxes that are alike but
+/// independent. Returns by how much that changed the state, in standard deviations.
 pub fn revise<const N: usize>(
     state: &mut Gaussian<N>,
     factor: &BoxFactor<N>,
     site: &mut Site,
+    copies: f64,
     share: f64,
 ) -> f64 {
     let gain = state.along(&factor.row);
@@ -83,10 +85,11 @@ pub fn revise<const N: usize>(
     } else {
         0.0
     };
-    let d_tau = share * (wanted_tau - site.tau);
-    let d_nu = share * (wanted_nu - site.nu);
+    let d_tau = share / copies * (wanted_tau - site.tau);
+    let d_nu = share / copies * (wanted_nu - site.nu);
     site.tau += d_tau;
     site.nu += d_nu;
+    let (d_tau, d_nu) = (copies * d_tau, copies * d_nu);
     let pull = d_nu - d_tau * mean;
     state.tighten(&gain, variance, d_tau, pull);
     (pull.abs() * variance.sqrt()).max((d_tau * variance).abs())

@@ -10,7 +10,8 @@
 //! - Of a run of scans that see an edge between the same two beams only the first and the last count.
 //!   What moves steadily and was inside at both has been inside in between.
 //! - While the platform stands, its boxes are one set: the state that they bound is the same. A box
-//!   that holds another one says nothing; equal ones count once.
+//!   that holds another one says nothing; equal ones count once. Only where an edge is seen now here,
+//!   now there, the scans have thresholds of their own, and what several of them say is worth more.
 
 use super::state::{N, Nuisances, State, Step};
 use crate::pose::gaussian::Gaussian;
@@ -47,6 +48,9 @@ pub(super) struct EdgeBox {
     first: bool,
     /// Whether it counts, or the run's first and last stand for it.
     counts: bool,
+    /// In how many scans it was seen, and for how many it stands.
+    seen: f64,
+    copies: f64,
 }
 
 /// Beams nearer to each other than this are the same, rad. Half a step is 2e-3; what deskewing makes
@@ -62,7 +66,16 @@ impl EdgeBox {
             site: Site::default(),
             first: true,
             counts: true,
+            seen: 1.0,
+            copies: 1.0,
         }
+    }
+
+    /// Whether the two cannot both be true of one edge and one threshold.
+    fn excludes(&self, other: &EdgeBox) -> bool {
+        let ([from, to], [other_from, other_to]) = (self.beams_rad, other.beams_rad);
+        self.name == other.name
+            && (to <= other_from + SAME_BEAM_RAD || other_to <= from + SAME_BEAM_RAD)
     }
 
     fn is_same(&self, other: &EdgeBox) -> bool {
@@ -137,8 +150,10 @@ impl Node {
         for held in self.boxes.iter().filter(|b| b.counts) {
             let gain = state.along(&held.factor.row);
             let variance = held.factor.row.dot(&gain);
-            let pull = held.site.nu - held.site.tau * held.factor.row.dot(&state.mean);
-            state.tighten(&gain, variance, held.site.tau, pull);
+            let copies = held.copies;
+            let (tau, nu) = (copies * held.site.tau, copies * held.site.nu);
+            let pull = nu - tau * held.factor.row.dot(&state.mean);
+            state.tighten(&gain, variance, tau, pull);
         }
         self.filtered = state;
     }
@@ -151,7 +166,9 @@ fn refine(state: &mut Gaussian<N>, boxes: &mut [EdgeBox], sweeps: usize, share: 
     for _ in 0..sweeps {
         let mut change = 0.0f64;
         for held in boxes.iter_mut().filter(|b| b.counts) {
-            change = change.max(revise(state, &held.factor, &mut held.site, share));
+            let copies = held.copies;
+            let moved = revise(state, &held.factor, &mut held.site, copies, share);
+            change = change.max(moved);
         }
         first.get_or_insert(change);
         if change < SETTLED {
@@ -319,13 +336,19 @@ fn keep_boxes(last: &mut Node, node: &mut Node, nuisances: &Nuisances) {
         kept.push(held.kept(nuisances));
     }
     for new in node.boxes.drain(..) {
+        if let Some(old) = kept.iter_mut().find(|old| new.is_same(old)) {
+            old.seen += 1.0;
+            continue;
+        }
         if kept.iter().any(|old| new.holds(old)) {
             continue;
         }
         kept.retain(|old| !old.holds(&new));
         kept.push(new);
     }
+    let dithers = kept.iter().any(|a| kept.iter().any(|b| a.excludes(b)));
     for held in &mut kept {
+        held.copies = if dithers { 1.0 + super::state::tune(7, 0.3) * (held.seen - 1.0) } else { 1.0 };
         held.counts = true;
         held.first = true;
     }

@@ -42,7 +42,7 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             nuisances: Nuisances::default(),
-            window: state::tune(2, 24.0) as usize,
+            window: state::tune(2, 8.0) as usize,
             passes: state::tune(3, 1.0) as usize,
             longest_gap_s: 2.0,
         }

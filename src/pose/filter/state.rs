@@ -45,7 +45,7 @@ pub struct Nuisances {
 impl Default for Nuisances {
     fn default() -> Self {
         Nuisances {
-            threshold_scan_sigma: tune(0, 0.06),
+            threshold_scan_sigma: tune(0, 0.08),
             threshold_sigma: tune(1, 0.04),
             footprint_sigma: 0.15,
             range_bias_walk: None,
