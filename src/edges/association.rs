@@ -5,6 +5,7 @@
 //! the middles of the intervals while the tolerance shrinks. Pitch is not known here: on the
 //! ceiling it acts as a shift of x; with strips on the side walls it is refined too.
 
+use super::Found;
 use crate::frame::{Frame, Optics, ScannerPose, Strip};
 use crate::record::{Edge, EdgeKind, Face, ReflectorLines};
 use nalgebra::{Matrix3, Vector3};
@@ -80,9 +81,16 @@ impl Association {
     }
 
     /// Sets `strip` and the threshold's derivative of each edge.
-    pub(super) fn assign(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &mut [Edge]) {
+    /// Returns the pose that explains them, which is good enough to say how the edges are slanted;
+    /// none where it does not.
+    pub(super) fn assign(
+        &mut self,
+        frame: &Frame,
+        lines: &ReflectorLines,
+        edges: &mut [Found],
+    ) -> Option<ScannerPose> {
         if edges.is_empty() {
-            return;
+            return None;
         }
         let wanted = edges.len().min(self.boundaries.len());
         let start = self.last.take();
@@ -108,14 +116,15 @@ impl Association {
         }
         self.last = (matched >= 3).then_some(at);
         let pose = pose_on_lines(frame, lines, at);
-        for edge in edges.iter_mut() {
+        for Found { edge, .. } in edges.iter_mut() {
             edge.d_threshold = self.threshold_angle(frame, &pose, edge);
         }
+        self.last.map(|_| pose)
     }
 
     /// Coarse search: the poses (x, yaw, pitch) from which the edges lie nearest to boundaries of
     /// their kind, best first, at some distance from each other.
-    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> Vec<[f64; 3]> {
+    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found]) -> Vec<[f64; 3]> {
         let mut scored: Vec<(f64, [f64; 3])> = Vec::new();
         let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
         let x_steps = (X_MAX_M / X_STEP_M).round() as i32;
@@ -151,8 +160,8 @@ impl Association {
 
     /// How well the edges, seen from x = 0, fit boundaries when x is `x_m`. The better centred the
     /// more: a wide tolerance alone is met by chance too.
-    fn score(&self, edges: &[Edge], x_m: f64) -> f64 {
-        let fit = |(edge, middle): (&Edge, &Middle)| {
+    fn score(&self, edges: &[Found], x_m: f64) -> f64 {
+        let fit = |(Found { edge, .. }, middle): (&Found, &Middle)| {
             let reach_m = VOTE_M + middle.half_m;
             self.boundaries
                 .iter()
@@ -170,7 +179,7 @@ impl Association {
         &mut self,
         frame: &Frame,
         lines: &ReflectorLines,
-        edges: &mut [Edge],
+        edges: &mut [Found],
         at: &mut [f64; 3],
         from: usize,
     ) -> usize {
@@ -208,10 +217,10 @@ impl Association {
 
     /// Gives every boundary the nearest edge of its kind within the tolerance, and the edges their
     /// strips.
-    fn nearest(&mut self, edges: &mut [Edge], tolerance_m: f64) -> usize {
+    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) -> usize {
         self.taken.clear();
         self.taken.resize(self.boundaries.len(), None);
-        for (e, (edge, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
+        for (e, (Found { edge, .. }, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
             edge.strip = -1;
             let mut best: Option<(usize, f64)> = None;
             for (b, boundary) in self.boundaries.iter().enumerate() {
@@ -234,7 +243,7 @@ impl Association {
         let mut matched = 0;
         for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
             if let Some((e, _)) = taken {
-                edges[*e].strip = boundary.strip as i32;
+                edges[*e].edge.strip = boundary.strip as i32;
                 matched += 1;
             }
         }
@@ -242,10 +251,10 @@ impl Association {
     }
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.
-    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge], at: [f64; 3]) {
+    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
         let pose = pose_on_lines(frame, lines, at);
         self.middles.clear();
-        self.middles.extend(edges.iter().map(|edge| {
+        self.middles.extend(edges.iter().map(|Found { edge, .. }| {
             let v = v_axis(edge.face);
             let [from, to] = [edge.from_rad, edge.to_rad].map(|a| pose.crossing(a, edge.face));
             let (Some(from), Some(to)) = (from, to) else {

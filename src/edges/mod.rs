@@ -6,10 +6,13 @@
 //! longer, never wrong. Each edge is then given the strip that it belongs to.
 
 mod association;
+mod photometer;
+mod photometry;
 
 use crate::frame::Frame;
 use crate::record::{BeamTable, Edge, EdgeKind, Face, NormalLine, ReflectorLines, Scan};
 use association::Association;
+use photometer::{Photometer, View};
 use std::f64::consts::FRAC_PI_2;
 
 /// A hit lies within this many sigma of the line.
@@ -40,18 +43,28 @@ enum Beam {
     Unknown,
 }
 
+/// An edge with the beams that it was found at.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    edge: Edge,
+    /// The last sure beam before it and the first behind it.
+    beams: (usize, usize),
+    /// First and last mixed pixel between the two.
+    mixed: Option<(usize, usize)>,
+}
+
 /// Measures the strip edges, scan after scan.
 #[derive(Clone, Debug)]
 pub struct EdgeMeter {
     frame: Frame,
     beams: BeamTable,
-    states: Vec<Beam>,
+    /// What the beams met on each face.
+    states: [Vec<Beam>; 3],
     /// How far behind the face's line a beam went, and the surface behind is, m.
     behind_m: Vec<(f64, f64)>,
-    found: Vec<Edge>,
-    /// First and last mixed pixel within each found edge's interval.
-    mixed: Vec<Option<(usize, usize)>>,
+    found: Vec<Found>,
     association: Association,
+    photometer: Photometer,
 }
 
 impl EdgeMeter {
@@ -60,11 +73,11 @@ impl EdgeMeter {
         EdgeMeter {
             frame: frame.clone(),
             beams: BeamTable::default(),
-            states: Vec::new(),
+            states: Default::default(),
             behind_m: Vec::new(),
             found: Vec::new(),
-            mixed: Vec::new(),
             association: Association::new(frame),
+            photometer: Photometer::new(frame),
         }
     }
 
@@ -72,29 +85,40 @@ impl EdgeMeter {
     pub fn measure(&mut self, scan: &Scan, lines: &mut ReflectorLines) {
         self.beams.fit(scan);
         self.found.clear();
-        self.mixed.clear();
         let faces = [Face::Right, Face::Upper, Face::Left];
         for (k, face) in faces.into_iter().enumerate() {
             if lines.lines()[k].is_seen() && self.frame.strips_on(face).next().is_some() {
                 self.classify(scan, lines, k);
-                self.transitions(face);
+                self.transitions(k, face);
             }
         }
         let reference = (FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
-        for edge in &mut self.found {
+        for Found { edge, .. } in &mut self.found {
             let index = (0.5 * (edge.from_rad + edge.to_rad) - scan.angle_min_rad)
                 / scan.angle_increment_rad;
             edge.time_s = (index - reference) * scan.time_increment_s;
         }
-        self.association.assign(&self.frame, lines, &mut self.found);
+        let pose = self.association.assign(&self.frame, lines, &mut self.found);
         self.tighten(scan);
+        if let Some(pose) = pose {
+            let view = View {
+                scan,
+                beams: &self.beams,
+                lines,
+                states: &self.states,
+                pose: &pose,
+            };
+            self.photometer.measure(&self.frame, &view, &mut self.found);
+        }
         lines.edges.clear();
-        lines.edges.extend_from_slice(&self.found);
+        lines
+            .edges
+            .extend(self.found.iter().map(|found| found.edge));
     }
 
     /// Draws an interval that holds mixed pixels closer around them.
     fn tighten(&mut self, scan: &Scan) {
-        for (edge, mixed) in self.found.iter_mut().zip(&self.mixed) {
+        for Found { edge, mixed, .. } in &mut self.found {
             let Some((first, last)) = *mixed else {
                 continue;
             };
@@ -123,7 +147,8 @@ impl EdgeMeter {
             1.0 / self.frame.calibration.range_scale,
         );
         let bias_m = bias_m + lines.range_bias_m * self.frame.calibration.range_scale;
-        self.states.clear();
+        let states = &mut self.states[k];
+        states.clear();
         self.behind_m.clear();
         for ((cos, sin), range_m) in self.beams.cos_sin.iter().zip(scan.ranges_m.iter()) {
             let mut nearest = f64::NEG_INFINITY;
@@ -140,7 +165,7 @@ impl EdgeMeter {
                 nearest_behind = nearest_behind.max(along / (d_m + gap_m.unwrap_or(0.0)));
             }
             if own < nearest || own <= 0.0 {
-                self.states.push(Beam::Unknown);
+                states.push(Beam::Unknown);
                 self.behind_m.push((f64::NAN, f64::NAN));
                 continue;
             }
@@ -148,7 +173,7 @@ impl EdgeMeter {
             let e = (range_m - bias_m) * scale - face_m;
             let depth_m = 1.0 / nearest_behind - face_m;
             self.behind_m.push((e, depth_m));
-            self.states.push(match gap_m {
+            states.push(match gap_m {
                 _ if e.abs() <= tolerance_m => Beam::Hit,
                 _ if range_m.is_nan() || e < 0.0 => Beam::Unknown,
                 Some(_) if *range_m == f64::INFINITY => Beam::Unknown,
@@ -157,73 +182,17 @@ impl EdgeMeter {
                 Some(_) => Beam::Mixed,
             });
         }
-        self.drop_contradictions();
+        drop_contradictions(states);
         if gap_m.is_some() {
-            self.mark_short(fitted[k].rms_m);
-        }
-    }
-
-    /// Finds mixed pixels that reach almost to the surface behind. Where that surface really is,
-    /// the gap beams further from the hit tell (it need not be exactly the frame file's gap away).
-    fn mark_short(&mut self, sigma_m: f64) {
-        let n = self.states.len();
-        let tolerance_m = (SHORT_SIGMA * sigma_m).max(SHORT_MIN_M);
-        for i in 0..n {
-            if self.states[i] != Beam::Gap {
-                continue;
-            }
-            for inward in [1isize, -1] {
-                let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
-                let hit_near = [-1, -2]
-                    .into_iter()
-                    .any(|k| at(k).is_some_and(|j| self.states[j] == Beam::Hit));
-                if !hit_near {
-                    continue;
-                }
-                let mut count = 0.0;
-                let mut sum = 0.0;
-                for j in (2..6)
-                    .filter_map(at)
-                    .take_while(|j| self.states[*j] == Beam::Gap)
-                {
-                    sum += self.behind_m[j].0 / self.behind_m[j].1;
-                    count += 1.0;
-                }
-                let (e, depth_m) = self.behind_m[i];
-                if count >= 2.0 && e < sum / count * depth_m - tolerance_m {
-                    self.states[i] = Beam::Mixed;
-                }
-            }
-        }
-    }
-
-    /// A beam that three of its four neighbours contradict and none supports is not trusted.
-    fn drop_contradictions(&mut self) {
-        let n = self.states.len();
-        let opposite = |a: Beam, b: Beam| {
-            (a == Beam::Hit && b == Beam::Gap) || (a == Beam::Gap && b == Beam::Hit)
-        };
-        // Neighbours are judged as they were found: two beams back and one back before any change.
-        let (mut back2, mut back1) = (Beam::Unknown, Beam::Unknown);
-        for i in 0..n {
-            let here = self.states[i];
-            if matches!(here, Beam::Hit | Beam::Gap) {
-                let ahead = |k: usize| self.states.get(i + k).copied().unwrap_or(Beam::Unknown);
-                let around = [back2, back1, ahead(1), ahead(2)];
-                let against = around.iter().filter(|b| opposite(here, **b)).count();
-                if against >= 3 && !around.contains(&here) {
-                    self.states[i] = Beam::Unknown;
-                }
-            }
-            (back2, back1) = (back1, here);
+            mark_short(states, &self.behind_m, fitted[k].rms_m);
         }
     }
 
     /// An edge wherever the last sure state changes.
-    fn transitions(&mut self, face: Face) {
+    fn transitions(&mut self, k: usize, face: Face) {
         let mut last: Option<(usize, Beam)> = None;
         let mut mixed: Option<(usize, usize)> = None;
-        for (i, state) in self.states.iter().enumerate() {
+        for (i, state) in self.states[k].iter().enumerate() {
             match state {
                 Beam::Hit | Beam::Gap => {}
                 Beam::Mixed => {
@@ -235,22 +204,81 @@ impl EdgeMeter {
             if let Some((before, kind)) = last
                 && kind != *state
             {
-                self.found.push(Edge {
-                    face,
-                    kind: if *state == Beam::Hit {
-                        EdgeKind::On
-                    } else {
-                        EdgeKind::Off
+                let kind = if *state == Beam::Hit {
+                    EdgeKind::On
+                } else {
+                    EdgeKind::Off
+                };
+                self.found.push(Found {
+                    edge: Edge {
+                        face,
+                        kind,
+                        from_rad: self.beams.angle_rad(before),
+                        to_rad: self.beams.angle_rad(i),
+                        ..Edge::default()
                     },
-                    from_rad: self.beams.angle_rad(before),
-                    to_rad: self.beams.angle_rad(i),
-                    ..Edge::default()
+                    beams: (before, i),
+                    mixed,
                 });
-                self.mixed.push(mixed);
             }
             last = Some((i, *state));
             mixed = None;
         }
+    }
+}
+
+/// Finds mixed pixels that reach almost to the surface behind. Where that surface really is,
+/// the gap beams further from the hit tell (it need not be exactly the frame file's gap away).
+fn mark_short(states: &mut [Beam], behind_m: &[(f64, f64)], sigma_m: f64) {
+    let n = states.len();
+    let tolerance_m = (SHORT_SIGMA * sigma_m).max(SHORT_MIN_M);
+    for i in 0..n {
+        if states[i] != Beam::Gap {
+            continue;
+        }
+        for inward in [1isize, -1] {
+            let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
+            let hit_near = [-1, -2]
+                .into_iter()
+                .any(|k| at(k).is_some_and(|j| states[j] == Beam::Hit));
+            if !hit_near {
+                continue;
+            }
+            let mut count = 0.0;
+            let mut sum = 0.0;
+            for j in (2..6)
+                .filter_map(at)
+                .take_while(|j| states[*j] == Beam::Gap)
+            {
+                sum += behind_m[j].0 / behind_m[j].1;
+                count += 1.0;
+            }
+            let (e, depth_m) = behind_m[i];
+            if count >= 2.0 && e < sum / count * depth_m - tolerance_m {
+                states[i] = Beam::Mixed;
+            }
+        }
+    }
+}
+
+/// A beam that three of its four neighbours contradict and none supports is not trusted.
+fn drop_contradictions(states: &mut [Beam]) {
+    let n = states.len();
+    let opposite =
+        |a: Beam, b: Beam| (a == Beam::Hit && b == Beam::Gap) || (a == Beam::Gap && b == Beam::Hit);
+    // Neighbours are judged as they were found: two beams back and one back before any change.
+    let (mut back2, mut back1) = (Beam::Unknown, Beam::Unknown);
+    for i in 0..n {
+        let here = states[i];
+        if matches!(here, Beam::Hit | Beam::Gap) {
+            let ahead = |k: usize| states.get(i + k).copied().unwrap_or(Beam::Unknown);
+            let around = [back2, back1, ahead(1), ahead(2)];
+            let against = around.iter().filter(|b| opposite(here, **b)).count();
+            if against >= 3 && !around.contains(&here) {
+                states[i] = Beam::Unknown;
+            }
+        }
+        (back2, back1) = (back1, here);
     }
 }
 
