@@ -6,8 +6,9 @@
 //! ceiling it acts as a shift of x; with strips on the side walls it is refined too.
 
 use super::Found;
-use crate::frame::{Frame, Optics, ScannerPose, Strip};
-use crate::record::{Edge, EdgeKind, Face, ReflectorLines};
+use super::footprint::{Slant, Spot};
+use crate::frame::{Frame, ScannerPose, Strip};
+use crate::record::{EdgeKind, Face, ReflectorLines};
 use nalgebra::{Matrix3, Vector3};
 
 /// Search range and steps.
@@ -39,8 +40,7 @@ struct Boundary {
 #[derive(Clone, Debug)]
 pub(super) struct Association {
     boundaries: Vec<Boundary>,
-    optics: Optics,
-    footprint_scale: f64,
+    spot: Spot,
     /// Whether strips on the sides make pitch observable.
     with_pitch: bool,
     /// x, yaw, pitch of the scan before.
@@ -71,8 +71,7 @@ impl Association {
             .flat_map(|(i, strip)| boundaries(i, strip));
         Association {
             boundaries: boundaries.collect(),
-            optics: frame.scanner_model().optics,
-            footprint_scale: frame.calibration.footprint_scale,
+            spot: Spot::new(frame),
             with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
             last: None,
             middles: Vec::new(),
@@ -117,7 +116,14 @@ impl Association {
         self.last = (matched >= 3).then_some(at);
         let pose = pose_on_lines(frame, lines, at);
         for Found { edge, .. } in edges.iter_mut() {
-            edge.d_threshold = self.threshold_angle(frame, &pose, edge);
+            let slope = usize::try_from(edge.strip)
+                .ok()
+                .and_then(|strip| frame.strips.get(strip))
+                .map_or(0.0, Strip::slope);
+            // Hits begin further out on both sides of a strip.
+            let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
+            let slant = Slant::new(&self.spot, &pose, lines, edge, slope);
+            edge.d_threshold = outward / slant.spots_per_rad;
         }
         self.last.map(|_| pose)
     }
@@ -270,30 +276,6 @@ impl Association {
             }
         }));
     }
-
-    /// How far the edge's angle moves when hits begin one spot radius further out, rad.
-    fn threshold_angle(&self, frame: &Frame, pose: &ScannerPose, edge: &Edge) -> f64 {
-        let v = v_axis(edge.face);
-        let step = 1e-4;
-        let middle = 0.5 * (edge.from_rad + edge.to_rad);
-        let (Some(at), Some(next)) = (
-            pose.crossing(middle, edge.face),
-            pose.crossing(middle + step, edge.face),
-        ) else {
-            return 0.0;
-        };
-        let slope = usize::try_from(edge.strip)
-            .ok()
-            .and_then(|strip| frame.strips.get(strip))
-            .map_or(0.0, Strip::slope);
-        let radius_m = 0.5 * self.optics.diameter_m(at.range_m) * self.footprint_scale;
-        let reach_m = radius_m * spot_stretch(at.direction, slope, v);
-        // Signed distance from the edge along v, per angle, with the strip's inclination.
-        let rate =
-            (next.point_m[v] - at.point_m[v] - slope * (next.point_m[0] - at.point_m[0])) / step;
-        let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
-        outward * reach_m / rate.abs()
-    }
 }
 
 impl Middle {
@@ -311,20 +293,6 @@ impl Boundary {
     fn gap_m(&self, middle: &Middle) -> f64 {
         middle.v_m - self.offset_m - self.slope * middle.x_m
     }
-}
-
-/// Length along v on the face of one unit across the beam, measured from an edge of the given
-/// slope: |u x e| / |(u x e) . v|, with u the beam and e the edge.
-fn spot_stretch(u: [f64; 3], slope: f64, v: usize) -> f64 {
-    let mut e = [1.0, 0.0, 0.0];
-    e[v] = slope;
-    let normal = [
-        u[1] * e[2] - u[2] * e[1],
-        u[2] * e[0] - u[0] * e[2],
-        u[0] * e[1] - u[1] * e[0],
-    ];
-    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-    length / normal[v].abs().max(1e-9)
 }
 
 /// The axis of a face along which a strip's width is measured: y on the ceiling, z on a wall.
@@ -387,21 +355,6 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn stretch_is_the_closed_form_of_the_ceiling() {
-        // Spec: R_e = radius sqrt(h^2 + D^2) / (h cos gamma), D the distance from the foot point
-        // to the edge line.
-        let gamma = 30f64.to_radians();
-        for (y, h) in [(0.0, 2.0), (3.0, 2.0), (-1.5, 4.0)] {
-            // Beam from the origin to the ceiling point (0, y, h), which is on the edge.
-            let norm = f64::hypot(y, h);
-            let u = [0.0, y / norm, h / norm];
-            let distance = y * gamma.cos();
-            let expected = f64::hypot(h, distance) / (h * gamma.cos());
-            assert!((spot_stretch(u, gamma.tan(), 1) - expected).abs() < 1e-12);
-        }
-    }
 
     #[test]
     fn polarity_follows_the_beam() {

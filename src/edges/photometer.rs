@@ -3,10 +3,12 @@
 //! Noise and incidence law are the device's and the material's: they are learned from scan to scan
 //! and forgotten slowly. Levels are each strip's own in each scan.
 
+use super::Found;
+use super::classification::{Beam, State};
+use super::footprint::{Slant, Spot};
 use super::photometry::{self, Light, Sample, Start, StripFit};
-use super::{Beam, Found, components};
-use crate::frame::{Frame, Optics, ScannerPose};
-use crate::record::{BeamTable, Edge, EdgeBasis, ReflectorLines, Scan};
+use crate::frame::{Frame, ScannerPose};
+use crate::record::{BeamTable, Edge, EdgeBasis, EdgeKind, ReflectorLines, Scan};
 
 /// Beams beyond the spot's reach on either side of an edge: on the background, on the strip.
 const OUTSIDE: usize = 6;
@@ -74,11 +76,7 @@ impl Noise {
 /// Turns intervals into sub-beam edges.
 #[derive(Clone, Debug)]
 pub(super) struct Photometer {
-    optics: Optics,
-    scale: f64,
-    range_bias_m: f64,
-    range_scale: f64,
-    gap_m: Option<f64>,
+    spot: Spot,
     noise: [Noise; 2],
     /// Sum of information and of information times value, of p.
     exponent: (f64, f64),
@@ -88,20 +86,16 @@ pub(super) struct Photometer {
 /// The scan and what is known of it.
 pub(super) struct View<'a> {
     pub scan: &'a Scan,
-    pub beams: &'a BeamTable,
+    pub table: &'a BeamTable,
+    pub beams: &'a [Beam],
     pub lines: &'a ReflectorLines,
-    pub states: &'a [Vec<Beam>; 3],
     pub pose: &'a ScannerPose,
 }
 
 impl Photometer {
     pub(super) fn new(frame: &Frame) -> Photometer {
         Photometer {
-            optics: frame.scanner_model().optics,
-            scale: frame.calibration.footprint_scale,
-            range_bias_m: frame.calibration.range_bias_m,
-            range_scale: frame.calibration.range_scale,
-            gap_m: frame.bounds.background_gap_m,
+            spot: Spot::new(frame),
             noise: [Noise::new(NOISE), Noise::new(1.5 * NOISE)],
             exponent: (0.0, 0.0),
             samples: Vec::new(),
@@ -151,6 +145,11 @@ impl Photometer {
                             e.map(|k| 0.5 * (found[k].edge.from_rad + found[k].edge.to_rad))
                         }),
                         levels,
+                        reach_rad: window.edges.map(|e| {
+                            let wide =
+                                e.map_or(0.0, |k| found[k].edge.to_rad - found[k].edge.from_rad);
+                            wide + 1.0 / window.slant.spots_per_rad
+                        }),
                         exponent,
                         noise,
                     };
@@ -162,7 +161,12 @@ impl Photometer {
                             }
                             exponent_learned.0 += fit.exponent.1;
                             exponent_learned.1 += fit.exponent.1 * fit.exponent.0;
-                            accept(&fit, &window, found);
+                            let basis = if view.scan.further_remissions.is_empty() {
+                                EdgeBasis::Remission
+                            } else {
+                                EdgeBasis::Echoes
+                            };
+                            accept(&fit, basis, &window, found);
                             continue;
                         }
                         _ => EdgeBasis::Ambiguous,
@@ -196,75 +200,47 @@ impl Photometer {
         ceiling: Option<f32>,
     ) -> Result<[f64; 2], EdgeBasis> {
         self.samples.clear();
-        let scan = view.scan;
-        let states = &view.states[window.face];
-        let own = components(&view.lines.lines()[window.face].normal);
-        let normals = view
-            .lines
-            .lines()
-            .map(|l| l.is_seen().then(|| components(&l.normal)));
-        let bias_m = self.range_bias_m + view.lines.range_bias_m * self.range_scale;
+        let echoes = Echoes::of(view.scan);
         let (mut at_ceiling, mut on_strip) = (0u32, 0u32);
         let (mut strip, mut behind) = ((0.0, 0.0), (0.0, 0.0));
         let mut ln_cos_strip = 0.0;
         for i in window.beams() {
-            let place = window.place(i);
-            let state = states[i];
-            let usable = match place {
-                Place::Strip => state == Beam::Hit,
-                Place::Behind => state == Beam::Gap,
-                Place::Near => matches!(state, Beam::Hit | Beam::Gap | Beam::Mixed),
-            };
-            let digits = f64::from(scan.remissions[i]);
-            let range_m = (scan.ranges_m[i] - bias_m) / self.range_scale;
-            if !(usable && digits > 0.0 && range_m > 0.0 && range_m.is_finite()) {
+            let beam = &view.beams[i];
+            if beam.face != window.face {
                 continue;
             }
-            let (cos, sin) = view.beams.cos_sin[i];
-            let along = cos * own.0 + sin * own.1;
-            let face_m = own.2 / along;
-            // The surface whose range came back: the strip's, or what is behind it here.
-            let mut cos_incidence = along;
-            if let (Beam::Gap | Beam::Mixed, Some(gap_m)) = (state, self.gap_m) {
-                let (mut nearest, mut cos_behind) = (f64::NEG_INFINITY, along);
-                for (y, z, d_m) in normals.iter().flatten() {
-                    let along = cos * y + sin * z;
-                    if along / (d_m + gap_m) > nearest {
-                        nearest = along / (d_m + gap_m);
-                        cos_behind = along;
-                    }
-                }
-                let towards = (range_m - face_m) * nearest / (1.0 - face_m * nearest);
-                let differ = (cos_behind / along).ln().abs() > SAME_INCIDENCE;
-                if state == Beam::Mixed && differ && (towards - 0.5).abs() < DOUBTFUL {
-                    continue;
-                }
-                if towards > 0.5 {
-                    cos_incidence = cos_behind;
-                }
+            let place = window.place(i);
+            let usable = match place {
+                Place::Strip => beam.state == State::Hit,
+                Place::Behind => beam.state == State::Gap,
+                Place::Near => beam.state != State::Unknown,
+            };
+            let first = view.scan.remissions[i];
+            if !(usable && first > 0.0) {
+                continue;
             }
-            if state == Beam::Hit {
+            if matches!(beam.state, State::Hit | State::Both) {
                 on_strip += 1;
-                if ceiling.is_some_and(|c| scan.remissions[i] >= c) {
+                if ceiling.is_some_and(|c| first >= c) {
                     at_ceiling += 1;
                 }
             }
-            let value = digits * (range_m / REFERENCE_M).sqrt();
-            let ln_cos = cos_incidence.ln();
+            let Some(measured) = Measured::of(beam, f64::from(first), echoes, i) else {
+                continue;
+            };
             if place == Place::Strip {
-                strip = (strip.0 + value, strip.1 + 1.0);
-                ln_cos_strip += ln_cos;
+                strip = (strip.0 + measured.value, strip.1 + 1.0);
+                ln_cos_strip += measured.ln_cos;
             } else if place == Place::Behind {
-                behind = (behind.0 + value, behind.1 + 1.0);
+                behind = (behind.0 + measured.value, behind.1 + 1.0);
             }
-            let radius_m = 0.5 * self.optics.diameter_m(face_m) * self.scale;
             self.samples.push(Sample {
-                angle_rad: view.beams.angle_rad(i),
-                spots_per_rad: window.across * face_m / radius_m,
-                light: Light::Whole,
-                value,
-                rounding: Sample::rounding(value, digits),
-                ln_cos,
+                angle_rad: view.table.seen_rad(i, beam.face_m),
+                spots_per_rad: window.slant.across * beam.face_m / self.spot.radius_m(beam.face_m),
+                light: measured.light,
+                value: measured.value,
+                rounding: measured.rounding,
+                ln_cos: measured.ln_cos,
             });
         }
         if f64::from(at_ceiling) > CEILING_SHARE * f64::from(on_strip) {
@@ -273,16 +249,103 @@ impl Photometer {
         if strip.1 < 1.0 || behind.1 < 2.0 {
             return Err(EdgeBasis::Interval);
         }
+        // Levels are those at the middle of the strip, so that they hardly hang together with p.
         let reference = ln_cos_strip / strip.1;
         for sample in &mut self.samples {
-            sample.ln_cos -= reference;
+            if sample.light != Light::Ratio {
+                sample.ln_cos -= reference;
+            }
         }
         Ok([strip.0 / strip.1, behind.0 / behind.1])
     }
 }
 
+/// Ranges and remissions of a scan's second echoes, where it has any.
+#[derive(Clone, Copy)]
+struct Echoes<'a> {
+    first_m: &'a [f64],
+    second_m: &'a [f64],
+    remissions: &'a [f32],
+}
+
+impl<'a> Echoes<'a> {
+    fn of(scan: &'a Scan) -> Option<Echoes<'a>> {
+        let (second_m, remissions) = (
+            scan.further_ranges_m.first()?,
+            scan.further_remissions.first()?,
+        );
+        (remissions.len() == scan.beams() && second_m.len() == scan.beams()).then_some(Echoes {
+            first_m: &scan.ranges_m,
+            second_m,
+            remissions,
+        })
+    }
+}
+
+/// What a beam's light says.
+struct Measured {
+    light: Light,
+    value: f64,
+    rounding: f64,
+    ln_cos: f64,
+}
+
+impl Measured {
+    /// None where the light cannot be laid to strip and background.
+    fn of(beam: &Beam, digits: f64, echoes: Option<Echoes<'_>>, i: usize) -> Option<Measured> {
+        // Remissions are brought to a common range; the surface is the one whose range came back.
+        let corrected =
+            |digits: f64, behind_m: f64| digits * ((beam.face_m + behind_m) / REFERENCE_M).sqrt();
+        let [on_face, on_behind] = beam.cos_incidence;
+        if let Some(echoes) = echoes {
+            let value = corrected(digits, beam.excess_m);
+            let single = |light: Light, cos: f64| Measured {
+                light,
+                value,
+                rounding: Sample::rounding(value, digits),
+                ln_cos: cos.ln(),
+            };
+            return match beam.state {
+                State::Hit => Some(single(Light::Strip, on_face)),
+                State::Gap => Some(single(Light::Behind, on_behind)),
+                State::Both => {
+                    let second = f64::from(echoes.remissions[i]);
+                    let behind_m = beam.excess_m + echoes.second_m[i] - echoes.first_m[i];
+                    let far_enough = behind_m > 0.5 * beam.depth_m;
+                    (second > 0.0 && far_enough).then(|| Measured {
+                        light: Light::Ratio,
+                        value: (value / corrected(second, behind_m)).ln(),
+                        rounding: Sample::rounding(1.0, digits)
+                            .hypot(Sample::rounding(1.0, second)),
+                        ln_cos: (on_face / on_behind).ln(),
+                    })
+                }
+                // Two echoes that ran into one.
+                State::Mixed | State::Unknown => None,
+            };
+        }
+        let towards = beam.excess_m / beam.depth_m;
+        let differ = (on_behind / on_face).ln().abs() > SAME_INCIDENCE;
+        if beam.state == State::Mixed && differ && (towards - 0.5).abs() < DOUBTFUL {
+            return None;
+        }
+        let surface = if beam.state == State::Hit || towards < 0.5 {
+            on_face
+        } else {
+            on_behind
+        };
+        let value = corrected(digits, beam.excess_m);
+        value.is_finite().then(|| Measured {
+            light: Light::Whole,
+            value,
+            rounding: Sample::rounding(value, digits),
+            ln_cos: surface.ln(),
+        })
+    }
+}
+
 /// Puts a fit's edges into the record where they pass.
-fn accept(fit: &StripFit, window: &Window, found: &mut [Found]) {
+fn accept(fit: &StripFit, basis: EdgeBasis, window: &Window, found: &mut [Found]) {
     let mut both = true;
     for (k, index) in window.edges.into_iter().enumerate() {
         let Some(index) = index else {
@@ -291,7 +354,7 @@ fn accept(fit: &StripFit, window: &Window, found: &mut [Found]) {
         };
         let edge = &mut found[index].edge;
         let sigma_rad = fit.covariance[k][k].sqrt();
-        let spare_rad = OUTSIDE_SPOTS / window.spots_per_rad + OUTSIDE_SIGMAS * sigma_rad;
+        let spare_rad = OUTSIDE_SPOTS / window.slant.spots_per_rad + OUTSIDE_SIGMAS * sigma_rad;
         let at = fit.edges_rad[k];
         let fits = at > edge.from_rad - spare_rad && at < edge.to_rad + spare_rad;
         // An interval can say more than too few beams.
@@ -300,9 +363,12 @@ fn accept(fit: &StripFit, window: &Window, found: &mut [Found]) {
             edge.edge_rad = at;
             edge.sigma_rad = sigma_rad;
             edge.d_footprint = fit.d_footprint[k];
-            edge.basis = EdgeBasis::Remission;
+            edge.basis = basis;
         } else {
-            edge.basis = EdgeBasis::Ambiguous;
+            // Where no usable beam touches the edge, nothing was asked of the remissions.
+            if fit.near[k] > 0 {
+                edge.basis = EdgeBasis::Ambiguous;
+            }
             both = false;
         }
     }
@@ -324,17 +390,14 @@ enum Place {
 
 /// The beams about a strip.
 struct Window {
-    face: usize,
+    face: u8,
     /// Indices of its edges among the found ones, in beam order.
     edges: [Option<usize>; 2],
     /// First and last beam.
     ends: [usize; 2],
     /// Beams that each edge's spot may reach, first and last.
     near: [Option<(usize, usize)>; 2],
-    /// Distance across the beam for one radian and one metre of range: less than 1 where the edge
-    /// is slanted against the scan plane.
-    across: f64,
-    spots_per_rad: f64,
+    slant: Slant,
 }
 
 impl Window {
@@ -349,15 +412,16 @@ impl Window {
         let edge = &found[first].edge;
         // An edge of kind off alone has the strip before it.
         let edges = match edges {
-            [Some(only), None] if edge.kind == crate::record::EdgeKind::Off => [None, Some(only)],
+            [Some(only), None] if edge.kind == EdgeKind::Off => [None, Some(only)],
             other => other,
         };
-        let face = edge.face as usize;
-        let middle = |e: &Edge| 0.5 * (e.from_rad + e.to_rad);
-        let reach = |e: &Edge| spots_per_rad(meter, view, e, slope);
-        let increment_rad = view.beams.increment_rad();
-        let spot_beams =
-            |e: &Edge| (1.2 / (reach(e).1 * increment_rad)).ceil().clamp(1.0, 1e3) as usize;
+        let face = edge.face as u8;
+        let slant = |e: &Edge| Slant::new(&meter.spot, view.pose, view.lines, e, slope);
+        let increment_rad = view.table.increment_rad();
+        let spot_beams = |e: &Edge| {
+            let beams = 1.2 / (slant(e).spots_per_rad * increment_rad);
+            beams.ceil().clamp(1.0, 1e3) as usize
+        };
         let last_beam = view.scan.beams() - 1;
         let near = edges.map(|k| {
             k.map(|k| {
@@ -386,15 +450,13 @@ impl Window {
             Some((_, end)) => end + OUTSIDE,
             None => near[0].map_or(0, |(_, end)| end + INSIDE),
         };
-        let (across, spots_per_rad) = reach(edge);
-        debug_assert!(middle(edge).is_finite());
+        let slant = slant(edge);
         Window {
             face,
             edges,
             ends: [start.max(low), end.min(high).min(last_beam)],
             near,
-            across,
-            spots_per_rad,
+            slant,
         }
     }
 
@@ -423,29 +485,6 @@ impl Window {
             Place::Strip
         }
     }
-}
-
-/// How far across the beam an edge moves for a radian and a metre of range, and the spot radii that
-/// a radian makes.
-///
-/// The edge and the scanner's origin span a plane with normal m = u x e; a beam turned by an angle
-/// from the edge leaves that plane by the sine of it times |m - (m.n) n| / |m|, n the normal of the
-/// scan plane.
-fn spots_per_rad(meter: &Photometer, view: &View<'_>, edge: &Edge, slope: f64) -> (f64, f64) {
-    let middle_rad = 0.5 * (edge.from_rad + edge.to_rad);
-    let in_b = if edge.face == crate::record::Face::Upper {
-        [1.0, slope, 0.0]
-    } else {
-        [1.0, 0.0, slope]
-    };
-    let e = view.pose.in_scanner(in_b);
-    let (sin, cos) = middle_rad.sin_cos();
-    let aside = cos * e[2] - sin * e[1];
-    let across = e[0].abs() / e[0].hypot(aside);
-    let (y, z, d_m) = components(&view.lines.lines()[edge.face as usize].normal);
-    let face_m = d_m / (cos * y + sin * z);
-    let radius_m = 0.5 * meter.optics.diameter_m(face_m) * meter.scale;
-    (across, across * face_m / radius_m)
 }
 
 /// The digit at which the device's remissions end, if beams are there.

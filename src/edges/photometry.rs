@@ -11,8 +11,8 @@
 //! Everything is in beam angles: an edge and the scanner's origin span a plane, which the scan plane
 //! cuts at the edge's angle, and a beam's distance from that plane is a sine.
 
+use super::footprint::share;
 use nalgebra::{SMatrix, SVector};
-use std::f64::consts::FRAC_1_PI;
 
 /// Fitted: angles of both edges, A, B, p.
 const N: usize = 5;
@@ -28,8 +28,14 @@ const HUBER: f64 = 2.5;
 const CUT: f64 = 6.0;
 /// Iterations in which beams near an edge keep their weight, because the edge may still be off.
 const LENIENT: usize = 2;
-/// An edge has been found when a step is below this share of a spot radius.
-const CONVERGED: f64 = 1e-3;
+/// An edge has been found when a step is below this share of a spot radius, and is good enough at
+/// the end with the other; sigma is some hundredths of a radius.
+const CONVERGED: f64 = 0.01;
+const SETTLED: f64 = 0.05;
+/// Prior standard deviation of an edge, in lengths within which it is.
+const EDGE_PRIOR: f64 = 3.0;
+/// From this iteration on steps are halved.
+const SWINGING: usize = 5;
 /// An edge goes no further in one step, spot radii.
 const STEP_MAX: f64 = 0.7;
 /// Standard deviation of the rounding to whole digits, digits.
@@ -80,6 +86,8 @@ impl Sample {
 pub(super) struct Start {
     /// Angles of the first and second edge in beam order, rad; none where it is out of sight.
     pub edges_rad: [Option<f64>; 2],
+    /// Within about what angle of that each is, rad.
+    pub reach_rad: [f64; 2],
     /// A and B.
     pub levels: [f64; 2],
     /// p and its standard deviation.
@@ -109,22 +117,6 @@ pub(super) struct StripFit {
     pub near_chi2: [f64; 2],
     /// Beams that each edge cuts.
     pub near: [u32; 2],
-}
-
-/// Share of a unit disc on the inner side of a line at distance `q` from its centre, and its
-/// derivative.
-pub(super) fn share(q: f64) -> (f64, f64) {
-    if q >= 1.0 {
-        (1.0, 0.0)
-    } else if q <= -1.0 {
-        (0.0, 0.0)
-    } else {
-        let root = (1.0 - q * q).sqrt();
-        (
-            0.5 + FRAC_1_PI * (q * root + q.asin()),
-            2.0 * FRAC_1_PI * root,
-        )
-    }
 }
 
 /// What the model says of one beam: the value, its derivatives, the one to the footprint scale, the
@@ -229,7 +221,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let mut scatter = [(0.0, 0.0); 2];
     let mut near_sum = [0.0; 2];
     let mut near = [0u32; 2];
-    let mut converged = false;
+    let mut far = f64::INFINITY;
     for iteration in 0..ITERATIONS {
         normal = SMatrix::zeros();
         footprint = SVector::zeros();
@@ -280,25 +272,32 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         normal[(EXPONENT, EXPONENT)] += prior_information;
         gradient[EXPONENT] += prior_information * (start.exponent.0 - p.0[EXPONENT]);
         for k in 0..2 {
-            if !there[k] {
-                normal[(k, k)] = 1.0;
+            // Weak enough not to matter unless no beam touches the edge.
+            let wide = EDGE_PRIOR * start.reach_rad[k];
+            let information = 1.0 / (wide * wide);
+            normal[(k, k)] += if there[k] { information } else { 1.0 };
+            if let Some(at) = start.edges_rad[k] {
+                gradient[k] += information * (at - p.0[k]);
             }
         }
-        if converged {
-            break;
-        }
         let step = normal.cholesky()?.solve(&gradient);
-        let far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
-        let shorter = if far > STEP_MAX { STEP_MAX / far } else { 1.0 };
+        far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
+        // A beam at the rim of the spot can make the steps swing; shorter ones settle.
+        let most = if iteration < SWINGING {
+            STEP_MAX
+        } else {
+            0.5 * far
+        };
+        let shorter = if far > most { most / far } else { 1.0 };
         p.0 += step * shorter;
         if !(p.0[STRIP] > 0.0 && p.0[BEHIND] > 0.0 && step.iter().all(|s| s.is_finite())) {
             return None;
         }
-        converged = far < CONVERGED && iteration + 1 >= LENIENT;
+        if far < CONVERGED && iteration + 1 >= LENIENT {
+            break;
+        }
     }
-    if !converged {
-        eprintln!("NOT {:?} start {:?}", p.0, start);
-        for s in samples { let q = p.predict(s, there, start); eprintln!("  {:.5} q {:.2} {:.2} value {:.2} pred {:.2} n {:.2}", s.angle_rad, (s.angle_rad - p.0[0])*s.spots_per_rad, (p.0[1]-s.angle_rad)*s.spots_per_rad, s.value, q.value, (s.value-q.value)/q.sigma); }
+    if !(far < SETTLED) {
         return None;
     }
     let covariance = normal.cholesky()?.inverse();
