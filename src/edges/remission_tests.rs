@@ -249,21 +249,6 @@ fn strips_on_the_walls_are_placed_too() {
 }
 
 #[test]
-fn echoes_need_no_level() {
-    let frame = frame(&[]);
-    let remission = checked(
-        &frame,
-        &scattered(&frame, "reference,mixed", 250, [0.5, 3.5], 36),
-    );
-    let steps = scattered(&frame, "reference,mixed,echoes", 250, [0.5, 3.5], 36);
-    let edges = checked(&frame, &steps);
-    let (f, by_level) = (figures(&edges, 1.0), figures(&remission, 1.0));
-    assert_honest("echoes", &f, 0.9);
-    assert!(f.rms_rad < by_level.rms_rad, "{f:?} {by_level:?}");
-    assert!(edges.iter().all(|c| c.edge.basis != EdgeBasis::Remission));
-}
-
-#[test]
 fn saturated_strips_fall_back_to_their_intervals() {
     let frame = frame(&[]);
     // Half as bright again as the ceiling even at the far end.
@@ -285,20 +270,6 @@ fn without_contrast_the_intervals_stand() {
     let edges = checked(&frame, &steps);
     let measured = edges.iter().filter(|c| c.edge.edge_rad.is_finite()).count();
     assert!(measured * 50 < edges.len(), "{measured} of {}", edges.len());
-}
-
-#[test]
-fn cables_cargo_and_wild_ranges_do_not_move_edges() {
-    let frame = frame(&[]);
-    let effects = "reference,mixed,outliers,dropouts,cables,cargo";
-    let edges = checked(&frame, &scattered(&frame, effects, 250, [0.5, 3.5], 39));
-    let f = figures(&edges, 1.0);
-    assert_honest("cables and cargo", &f, 0.85);
-    let far = edges
-        .iter()
-        .filter(|c| c.normalised(1.0).abs() > 6.0)
-        .count();
-    assert!(far * 200 <= edges.len(), "{far} of {}", edges.len());
 }
 
 #[test]
