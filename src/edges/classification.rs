@@ -16,6 +16,11 @@ const GAP_SHARE: f64 = 0.85;
 const SHORT_SIGMA: f64 = 4.0;
 const SHORT_MIN_M: f64 = 0.030;
 
+/// A gap beam shares its depth behind the face with one of so many beams on either side, to within
+/// this share of the gap.
+const SUPPORT_BEAMS: usize = 4;
+const SUPPORT_SHARE: f64 = 0.15;
+
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
@@ -147,6 +152,7 @@ pub(super) fn classify(
             cos_incidence: [along[k], along[k_behind]],
         });
     }
+    drop_unsupported(beams);
     drop_contradictions(beams);
     if gap_m.is_some() {
         mark_short(beams, fitted.map(|line| line.rms_m));
@@ -191,6 +197,35 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
             if count >= 2.0 && excess_m < sum / count * depth_m - tolerance_m {
                 beams[i].state = State::Mixed;
             }
+        }
+    }
+}
+
+/// A gap beam whose depth none of its gap neighbours shares did not meet the surface behind: a wild
+/// range that stands for a hit as well as for a gap.
+fn drop_unsupported(beams: &mut [Beam]) {
+    let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+    for i in 0..beams.len() {
+        let Beam {
+            state: State::Gap,
+            face,
+            ..
+        } = beams[i]
+        else {
+            continue;
+        };
+        let here = ratio(&beams[i]);
+        let shares = |b: &Beam| b.is(State::Gap, face) && (here - ratio(b)).abs() < SUPPORT_SHARE;
+        if i > 0 && shares(&beams[i - 1]) {
+            continue;
+        }
+        let around =
+            &beams[i.saturating_sub(SUPPORT_BEAMS)..beams.len().min(i + SUPPORT_BEAMS + 1)];
+        // The beam itself is among them.
+        let others = around.iter().filter(|b| b.is(State::Gap, face)).count() - 1;
+        let supported = around.iter().filter(|b| shares(b)).count() > 1;
+        if others >= 2 && !supported {
+            beams[i].state = State::Unknown;
         }
     }
 }
