@@ -152,7 +152,9 @@ pub(super) fn classify(
             cos_incidence: [along[k], along[k_behind]],
         });
     }
-    drop_unsupported(beams);
+    if gap_m.is_some() {
+        drop_unsupported(beams);
+    }
     drop_contradictions(beams);
     if gap_m.is_some() {
         mark_short(beams, fitted.map(|line| line.rms_m));
