@@ -61,9 +61,10 @@ impl Liveliness {
             return Gait::Rest;
         }
         let [_, slow, fast] = self.axis.character().levels;
-        // The mean of the logarithms: a start that is hardly probable does not make a cruise lively.
+        // The mean of the roots: a start that is hardly probable does not make a cruise lively.
         let share = start / (cruise + start).max(f64::MIN_POSITIVE);
-        let psd = slow.acceleration_psd.powf(1.0 - share) * fast.acceleration_psd.powf(share);
+        let root = (1.0 - share) * slow.acceleration_psd.sqrt() + share * fast.acceleration_psd.sqrt();
+        let psd = root * root;
         Gait::Moving { psd }
     }
 }

@@ -86,6 +86,15 @@ enum Use {
     Nothing,
 }
 
+/// Where a measurement comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// The reflector lines.
+    Lines,
+    /// A strip edge between the beams.
+    Edge,
+}
+
 /// What a scan says of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -299,11 +308,19 @@ impl Estimator {
     /// What the last estimate took from lines and sub-beam edges, as independent measurements: the
     /// lines linearised at `at`, the edges where the estimate had them. `lines` are those of the
     /// estimate; its intervals are [`Estimator::intervals`].
-    pub fn measurements(&self, lines: &ReflectorLines, at: &Vector) -> Vec<PointFactor> {
+    pub fn measurements(
+        &self,
+        lines: &ReflectorLines,
+        at: &Vector,
+    ) -> Vec<(Measured, PointFactor)> {
         let pose = pose_at(&self.frame, at);
         let white = WhiteLines::new(lines);
         let of_lines = white.iter().flat_map(|white| white.factors(lines, &pose, at));
-        of_lines.chain(self.independent_points(lines)).collect()
+        let of_edges = self.independent_points(lines);
+        of_lines
+            .map(|factor| (Measured::Lines, factor))
+            .chain(of_edges.map(|factor| (Measured::Edge, factor)))
+            .collect()
     }
 
     /// `base` under the sub-beam edges and the middles of the intervals, with the variance of an even

@@ -13,7 +13,9 @@
 //!   that holds another one says nothing; equal ones count once. Only where an edge is seen now here,
 //!   now there, the scans have thresholds of their own, and what several of them say is worth more.
 
-use super::state::{N, Nuisances, State, Step};
+use super::gaits::CRUISING;
+use super::state::{N, Nuisances, State, Step, VELOCITY};
+use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
 use crate::pose::interval::{BoxFactor, Site, revise};
 use crate::pose::joint::THRESHOLD;
@@ -26,6 +28,8 @@ pub(super) struct Point {
     pub row: State,
     pub value: f64,
     pub variance: f64,
+    /// Whether it is a sub-beam edge, part of whose error stays while the platform stands.
+    pub is_edge: bool,
 }
 
 /// Which edge of the frame.
@@ -115,6 +119,10 @@ pub(super) struct Node {
     pub step: Step,
     pub points: Vec<Point>,
     pub boxes: Vec<EdgeBox>,
+    /// Scans that the platform has stood here, this one included.
+    stood: f64,
+    /// Which components cruised on the way here.
+    cruises: [bool; 6],
     predicted: Gaussian<N>,
     filtered: Gaussian<N>,
     smoothed: Gaussian<N>,
@@ -130,6 +138,10 @@ impl Node {
             step,
             points,
             boxes,
+            stood: 1.0,
+            cruises: std::array::from_fn(
+                |k| matches!(step.gaits[k], Gait::Moving { psd } if psd <= CRUISING[k]),
+            ),
             predicted: nothing,
             filtered: nothing,
             smoothed: nothing,
@@ -139,6 +151,17 @@ impl Node {
     /// The state under all scans.
     pub(super) fn smoothed(&self) -> &Gaussian<N> {
         &self.smoothed
+    }
+
+    /// The platform has stood for so many scans before this one. A share of an edge's variance, being
+    /// the same in all n of them, leaves its mean 1/n + share of the variance of one: each scan is
+    /// given the weight that makes it so.
+    fn stand_on(&mut self, scans: f64) {
+        self.stood = scans + 1.0;
+        let less = (1.0 + COMMON_SHARE * scans) * (1.0 + COMMON_SHARE * self.stood);
+        for point in self.points.iter_mut().filter(|p| p.is_edge) {
+            point.variance *= less / (1.0 + COMMON_SHARE);
+        }
     }
 
     /// Puts the scan into what the scans before predict, its boxes by their present factors.
@@ -178,6 +201,17 @@ fn refine(state: &mut Gaussian<N>, boxes: &mut [EdgeBox], sweeps: usize, share: 
     first.unwrap_or(0.0)
 }
 
+/// Share of a sub-beam edge's variance that is the same in all scans of a platform that stands: what
+/// the model of the beam leaves over.
+const COMMON_SHARE: f64 = 0.015;
+/// By how much a scan counts that sees again what was seen, where scans have thresholds of their own:
+/// all edges of a scan share its threshold.
+const REPEATED: f64 = 0.5;
+
+/// Fewer steps than this teach nothing of the motion.
+const LEARNING: f64 = 20.0;
+/// So many scans before a motion shows it may have begun.
+const ROUSED: usize = 4;
 /// Passes over one scan's boxes.
 const SWEEPS: usize = 12;
 /// Part of a factor's change that is taken over.
@@ -192,6 +226,11 @@ pub(super) struct Chain {
     prior: Gaussian<N>,
     nuisances: Nuisances,
     nodes: VecDeque<Node>,
+    /// Whether older steps have changed since the last pass.
+    roused: bool,
+    /// Of each component: squared changes of velocity while it cruised, over what was expected of
+    /// one, and their number.
+    cruises: [[f64; 2]; 6],
 }
 
 impl Chain {
@@ -200,6 +239,8 @@ impl Chain {
             prior,
             nuisances,
             nodes: VecDeque::new(),
+            roused: false,
+            cruises: [[0.0; 2]; 6],
         }
     }
 
@@ -234,6 +275,7 @@ impl Chain {
     pub(super) fn push(&mut self, mut node: Node) {
         if let Some(last) = self.nodes.back_mut() {
             if node.step.is_rest() {
+                node.stand_on(last.stood);
                 keep_boxes(last, &mut node, &self.nuisances);
             } else {
                 join_runs(last, &mut node);
@@ -246,8 +288,22 @@ impl Chain {
         self.nodes.push_back(node);
     }
 
+    /// A component has left its rest: it may have done so some scans ago.
+    pub(super) fn rouse(&mut self, component: usize, gait: Gait) {
+        for node in self.nodes.iter_mut().rev().take(ROUSED) {
+            if node.step.gaits[component] != Gait::Rest {
+                return;
+            }
+            node.step.gaits[component] = gait;
+        }
+        self.roused = true;
+    }
+
     /// Passes backwards and forwards, at most `passes` of each, until the boxes' factors agree.
     pub(super) fn settle(&mut self, passes: usize) {
+        if self.roused {
+            self.forward();
+        }
         for _ in 0..passes {
             let change = self.backward(SHARE);
             self.forward();
@@ -257,11 +313,46 @@ impl Chain {
         }
     }
 
-    /// Whether a pass back could teach the newest state anything.
-    pub(super) fn has_older_boxes(&self) -> bool {
+    /// Whether another pass could teach the newest state anything.
+    pub(super) fn is_unsettled(&self) -> bool {
+        if self.roused {
+            return true;
+        }
         let older = self.nodes.len().saturating_sub(1);
         let mut older = self.nodes.iter().take(older);
         older.any(|node| node.boxes.iter().any(|b| b.counts))
+    }
+
+    /// The same for a whole run, and finds on the way how much each component's velocity changes
+    /// while it cruises (expectation maximisation: Shumway and Stoffer 1982). In a run, that is shown
+    /// by the scans; it need not be assumed.
+    pub(super) fn settle_and_learn(&mut self, passes: usize) {
+        let mut scale = [1.0f64; 6];
+        for _ in 0..passes {
+            let mut change = self.backward(SHARE);
+            for (component, scale) in scale.iter_mut().enumerate() {
+                let [found, expected] = self.cruises[component];
+                if expected < LEARNING {
+                    continue;
+                }
+                let before = *scale;
+                // Its steps are short, but never too long: twice one is still on the way.
+                *scale = (before * (found / expected).powi(2)).clamp(1e-4, 1e3);
+                let factor = *scale / before;
+                change = change.max(0.1 * factor.ln().abs());
+                for node in &mut self.nodes {
+                    if let (true, Gait::Moving { psd }) =
+                        (node.cruises[component], &mut node.step.gaits[component])
+                    {
+                        *psd *= factor;
+                    }
+                }
+            }
+            self.forward();
+            if change < SETTLED {
+                break;
+            }
+        }
     }
 
     fn forward(&mut self) {
@@ -274,16 +365,18 @@ impl Chain {
             node.update();
             before = Some(node.filtered);
         }
+        self.roused = false;
     }
 
     /// The state of every scan under all of them, and the boxes' factors against it. Returns the
     /// largest change.
     pub(super) fn backward(&mut self, share: f64) -> f64 {
         let mut change = 0.0f64;
-        let mut after: Option<(Gaussian<N>, Gaussian<N>, Step)> = None;
+        let mut after: Option<(Gaussian<N>, Gaussian<N>, Step, [bool; 6])> = None;
+        self.cruises = [[0.0; 2]; 6];
         for node in self.nodes.iter_mut().rev() {
             node.smoothed = node.filtered;
-            if let Some((smoothed, predicted, step)) = &after {
+            if let Some((smoothed, predicted, step, cruises)) = &after {
                 let carried = step.carry(&node.filtered.covariance, &self.nuisances);
                 // Where rounding has spoilt the covariance, the scan learns nothing from later ones.
                 if let Some(factor) = predicted.covariance.cholesky() {
@@ -293,10 +386,24 @@ impl Chain {
                     node.smoothed.mean += gain * off;
                     let covariance = node.filtered.covariance + gain * less * gain.transpose();
                     node.smoothed.covariance = 0.5 * (covariance + covariance.transpose());
+                    for k in (0..6).filter(|k| cruises[*k]) {
+                        let Gait::Moving { psd } = step.gaits[k] else {
+                            continue;
+                        };
+                        let v = VELOCITY + k;
+                        let shared = gain.row(v).dot(&smoothed.covariance.row(v));
+                        let change = smoothed.mean[v] - node.smoothed.mean[v];
+                        let squared = change * change
+                            + smoothed.covariance[(v, v)]
+                            + node.smoothed.covariance[(v, v)]
+                            - 2.0 * shared;
+                        self.cruises[k][0] += squared.max(0.0) / (psd * step.span_s.abs());
+                        self.cruises[k][1] += 1.0;
+                    }
                 }
             }
             change = change.max(refine(&mut node.smoothed, &mut node.boxes, 1, share));
-            after = Some((node.smoothed, node.predicted, node.step));
+            after = Some((node.smoothed, node.predicted, node.step, node.cruises));
         }
         change
     }
@@ -348,7 +455,7 @@ fn keep_boxes(last: &mut Node, node: &mut Node, nuisances: &Nuisances) {
     }
     let dithers = kept.iter().any(|a| kept.iter().any(|b| a.excludes(b)));
     for held in &mut kept {
-        held.copies = if dithers { 1.0 + super::state::tune(7, 0.3) * (held.seen - 1.0) } else { 1.0 };
+        held.copies = if dithers { 1.0 + REPEATED * (held.seen - 1.0) } else { 1.0 };
         held.counts = true;
         held.first = true;
     }

@@ -16,6 +16,15 @@ const ABOUT: [f64; 2] = [1e-3, 5.0];
 /// 0.3 deg at 0.15 Hz.
 const QUIET_X: f64 = 1e-4;
 const QUIET_TILT: f64 = 2e-5;
+/// What moves with no more than this is cruising, m^2/s^3 and rad^2/s^3 (x to yaw).
+pub(super) const CRUISING: [f64; 6] = [
+    2.0 * QUIET_X,
+    10.0 * ALONG[0],
+    10.0 * ALONG[0],
+    10.0 * ABOUT[0],
+    2.0 * QUIET_TILT,
+    2.0 * QUIET_TILT,
+];
 /// Pitch as an IMU gives it.
 const GIVEN_PITCH: f64 = 1.0;
 /// From one level of liveliness to the next.
@@ -90,8 +99,8 @@ impl Gaits {
     pub(super) fn new(pitch_given: bool) -> Gaits {
         let [_, y, z, roll, _, _] = super::state::ANY_VELOCITY;
         Gaits {
-            y: Liveliness::new([super::state::tune(4, ALONG[0]), ALONG[1]], y),
-            z: Liveliness::new([super::state::tune(4, ALONG[0]), ALONG[1]], z),
+            y: Liveliness::new(ALONG, y),
+            z: Liveliness::new(ALONG, z),
             roll: Liveliness::new(ABOUT, roll),
             watches: [Watch::NEW; 3],
             in_plane: [Gait::Rest; 3],
@@ -127,12 +136,12 @@ impl Gaits {
             _ => of(watch_pitch, QUIET_TILT),
         };
         [
-            of(watch_x, super::state::tune(5, QUIET_X)),
+            of(watch_x, QUIET_X),
             y,
             z,
             roll,
             pitch,
-            of(watch_yaw, super::state::tune(6, QUIET_TILT)),
+            of(watch_yaw, QUIET_TILT),
         ]
     }
 

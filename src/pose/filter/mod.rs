@@ -18,7 +18,7 @@ pub use state::Nuisances;
 use crate::frame::Frame;
 use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
-use crate::pose::joint::{self, Estimator, PITCH};
+use crate::pose::joint::{self, Estimator, Measured, PITCH};
 use crate::pose::pitch::{self, Pitch};
 use crate::record::{Face, Pose, ReflectorLines, Stamp, Status, upper_index};
 use chain::{Chain, EdgeBox, EdgeName, Node, Point};
@@ -42,8 +42,8 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             nuisances: Nuisances::default(),
-            window: state::tune(2, 8.0) as usize,
-            passes: state::tune(3, 1.0) as usize,
+            window: 8,
+            passes: 1,
             longest_gap_s: 2.0,
         }
     }
@@ -162,6 +162,12 @@ impl Tracker {
                     step.gaits = self.gaits.now();
                     predicted = chain.predict(&step);
                 }
+                let newest = chain.newest_step().map(|step| step.gaits);
+                for (k, gait) in step.gaits.iter().enumerate() {
+                    if *gait != Gait::Rest && newest.is_some_and(|gaits| gaits[k] == Gait::Rest) {
+                        chain.rouse(k, *gait);
+                    }
+                }
                 if leave_out(&predicted, &mut points, &mut boxes) {
                     pose.status |= Status::EDGE_OUTLIER;
                 }
@@ -205,10 +211,11 @@ impl Tracker {
         let measured = self.estimator.measurements(lines, &at.mean);
         let mut points: Vec<Point> = measured
             .iter()
-            .map(|factor| Point {
+            .map(|(kind, factor)| Point {
                 row: widened(&factor.row),
                 value: factor.value,
                 variance: factor.variance,
+                is_edge: *kind == Measured::Edge,
             })
             .collect();
         if let Some(pitch) = pitch {
@@ -222,6 +229,7 @@ impl Tracker {
                 row,
                 value: pitch.rad,
                 variance: own + LEAST_RAD * LEAST_RAD,
+                is_edge: false,
             });
         }
         points
@@ -350,7 +358,7 @@ impl Filter {
             return pose;
         }
         if let Some(chain) = &mut self.tracker.chain {
-            if chain.has_older_boxes() {
+            if chain.is_unsettled() {
                 chain.settle(options.passes);
             }
             chain.trim(options.window.max(1));
@@ -428,7 +436,7 @@ impl Smoother {
 }
 
 fn smooth(chain: &mut Chain, held: &mut Vec<(Pose, bool)>, emit: &mut dyn FnMut(Pose)) {
-    chain.settle(PASSES);
+    chain.settle_and_learn(PASSES);
     chain.backward(0.0);
     let mut nodes = chain.nodes();
     for (mut pose, joined) in held.drain(..) {

@@ -45,8 +45,8 @@ pub struct Nuisances {
 impl Default for Nuisances {
     fn default() -> Self {
         Nuisances {
-            threshold_scan_sigma: tune(0, 0.08),
-            threshold_sigma: tune(1, 0.04),
+            threshold_scan_sigma: 0.08,
+            threshold_sigma: 0.04,
             footprint_sigma: 0.15,
             range_bias_walk: None,
             pitch_error_walk: 1e-5,
@@ -59,7 +59,7 @@ const ANY_BIAS_M: f64 = 1.0;
 /// Wandering of threshold and footprint, 1/sqrt(s).
 const SLOW_WALK: f64 = 1e-3;
 /// Wandering of a component at rest, m/sqrt(s) and rad/sqrt(s).
-const REST_WALK: [f64; 6] = [3e-5, 3e-5, 3e-5, 1e-5, 1e-5, 1e-5];
+const REST_WALK: [f64; 6] = [1e-5, 1e-5, 1e-5, 3e-6, 3e-6, 3e-6];
 /// Standard deviation of a velocity that nothing is known of, m/s and rad/s.
 pub(super) const ANY_VELOCITY: [f64; 6] = [0.1, 1.5, 1.5, 0.3, 0.3, 0.1];
 
@@ -173,7 +173,3 @@ pub(super) fn prior(
 const ANY_TILT_RAD: f64 = 0.2;
 /// A pitch that is said to be exact is as good as this, rad.
 pub(super) const LEAST_RAD: f64 = 1e-5;
-
-pub(crate) fn tune(i: usize, default: f64) -> f64 {
-    std::env::var("CP_TUNE").ok().and_then(|t| t.split(',').nth(i).and_then(|v| v.parse().ok())).unwrap_or(default)
-}

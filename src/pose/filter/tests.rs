@@ -57,6 +57,7 @@ fn a_linear_gaussian_run_is_the_textbook_filter_and_smoother() {
             row: unit(Y),
             value: *value,
             variance,
+            is_edge: false,
         };
         chain.push(Node::new(moving(psd), vec![point], Vec::new()));
         if k > 0 {
@@ -367,6 +368,7 @@ fn a_start_and_a_stop_leave_no_lag() {
             row: unit(Y),
             value: y + noise,
             variance: sigma * sigma,
+            is_edge: false,
         };
         chain.push(Node::new(step, vec![point], Vec::new()));
         chain.trim(8);
