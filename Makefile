@@ -102,6 +102,12 @@ experiments: build
 accuracy: build
 	@$(MAKE) --no-print-directory -C experiments accuracy BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
+## pose-table: errors of the pose in every case, beside goals and bounds (an error where one is missed); ONLY=text for some rows
+.PHONY: pose-table
+pose-table: build
+	@mkdir -p $(TARGET)/experiments
+	$(MAKE) --no-print-directory -C experiments pose-table BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
 ## delay-table: what carrying poses over 62 ms leaves of the error, beside the goals (an error where one is missed)
 .PHONY: delay-table
 delay-table:

@@ -2,7 +2,7 @@
 
 use super::columns::{self, Record, Value, ValueError, Visit, VisitMut};
 use super::time::Stamp;
-use super::{Presence, Scan, upper_index};
+use super::{Presence, Scan, ScanMotion, upper_index};
 
 /// A line in the scan plane of S: `y cos(alpha) + z sin(alpha) = d`, `d >= 0`.
 ///
@@ -146,6 +146,25 @@ pub enum EdgeKind {
 }
 tokens!(EdgeKind, "a list of on, off", On "on", Off "off");
 
+/// What an edge rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum EdgeBasis {
+    /// Ranges alone: there is no remission, or too little of it.
+    #[default]
+    Interval,
+    /// The remissions of the beams about it.
+    Remission,
+    /// The shares of two echoes of the beams about it.
+    Echoes,
+    /// Ranges alone, because the remissions are at the device's ceiling.
+    Saturated,
+    /// Ranges alone, because the remissions do not single out one place.
+    Ambiguous,
+}
+tokens!(EdgeBasis, "a list of interval, remission, echoes, saturated, ambiguous",
+    Interval "interval", Remission "remission", Echoes "echoes", Saturated "saturated",
+    Ambiguous "ambiguous");
+
 /// Where the beams pass from a gap onto a strip or back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
@@ -167,6 +186,11 @@ pub struct Edge {
     pub d_threshold: f64,
     /// Change of the edge's angle with the common footprint scale, rad for a scale of 1.
     pub d_footprint: f64,
+    /// Covariance of the sub-beam estimate with the next edge's, rad^2: the two edges of a strip
+    /// share its level. 0 where they share nothing.
+    pub cov_next_rad2: f64,
+    /// What the edge rests on.
+    pub basis: EdgeBasis,
     /// When the edge was passed, s after the lines' stamp.
     pub time_s: f64,
 }
@@ -183,6 +207,8 @@ impl Default for Edge {
             sigma_rad: f64::NAN,
             d_threshold: 0.0,
             d_footprint: 0.0,
+            cov_next_rad2: 0.0,
+            basis: EdgeBasis::Interval,
             time_s: 0.0,
         }
     }
@@ -220,7 +246,8 @@ pub struct ReflectorLines {
     /// was not seen; empty where the lines were not fitted jointly. The prior on the range bias
     /// is in it.
     pub joint_cov: Vec<f64>,
-    /// Platform velocity along y in the scan plane that was taken out of the scan, m/s.
+    /// Velocity of the scanner along y of S at the reference instant that was taken out of the
+    /// scan, m/s; see [`ScanMotion`].
     pub motion_vy_m_s: f64,
     /// Velocity along z that was taken out, m/s.
     pub motion_vz_m_s: f64,
@@ -269,6 +296,22 @@ impl ReflectorLines {
             joint_cov,
             ..ReflectorLines::default()
         };
+    }
+
+    /// The motion that was taken out.
+    pub fn motion(&self) -> ScanMotion {
+        ScanMotion {
+            vy_m_s: self.motion_vy_m_s,
+            vz_m_s: self.motion_vz_m_s,
+            roll_rad_s: self.motion_roll_rad_s,
+        }
+    }
+
+    /// Says which motion was taken out.
+    pub fn set_motion(&mut self, motion: ScanMotion) {
+        self.motion_vy_m_s = motion.vy_m_s;
+        self.motion_vz_m_s = motion.vz_m_s;
+        self.motion_roll_rad_s = motion.roll_rad_s;
     }
 
     /// The lines in the order of [`LINE_STATE`]: right, upper, left.
@@ -353,6 +396,8 @@ struct EdgeColumns {
     sigma_rad: Vec<f64>,
     d_threshold: Vec<f64>,
     d_footprint: Vec<f64>,
+    cov_next_rad2: Vec<f64>,
+    basis: Vec<EdgeBasis>,
     time_s: Vec<f64>,
 }
 
@@ -367,6 +412,8 @@ macro_rules! edge_columns {
         $v.column("edge_sigma_rad", Presence::Optional, $($ref)+ $self.sigma_rad)?;
         $v.column("edge_d_threshold", Presence::Optional, $($ref)+ $self.d_threshold)?;
         $v.column("edge_d_footprint", Presence::Optional, $($ref)+ $self.d_footprint)?;
+        $v.column("edge_cov_next_rad2", Presence::Optional, $($ref)+ $self.cov_next_rad2)?;
+        $v.column("edge_basis", Presence::Optional, $($ref)+ $self.basis)?;
         $v.column("edge_time_s", Presence::Optional, $($ref)+ $self.time_s)?;
     };
 }
@@ -391,6 +438,12 @@ impl EdgeColumns {
             sigma_rad: optional(|e| e.sigma_rad),
             d_threshold: edges.iter().map(|e| e.d_threshold).collect(),
             d_footprint: edges.iter().map(|e| e.d_footprint).collect(),
+            cov_next_rad2: optional(|e| e.cov_next_rad2),
+            basis: if edges.iter().any(|e| e.basis != EdgeBasis::Interval) {
+                edges.iter().map(|e| e.basis).collect()
+            } else {
+                Vec::new()
+            },
             time_s: edges.iter().map(|e| e.time_s).collect(),
         }
     }
@@ -412,6 +465,12 @@ impl EdgeColumns {
                 sigma_rad: self.sigma_rad.get(i).copied().unwrap_or(f64::NAN),
                 d_threshold: self.d_threshold.get(i).copied().unwrap_or(none.d_threshold),
                 d_footprint: self.d_footprint.get(i).copied().unwrap_or(none.d_footprint),
+                cov_next_rad2: self
+                    .cov_next_rad2
+                    .get(i)
+                    .copied()
+                    .unwrap_or(none.cov_next_rad2),
+                basis: self.basis.get(i).copied().unwrap_or_default(),
                 time_s: self.time_s.get(i).copied().unwrap_or(none.time_s),
             }
         }));

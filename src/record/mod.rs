@@ -22,12 +22,14 @@ pub mod text;
 mod time;
 mod trajectory;
 
-pub use beams::BeamTable;
+pub use beams::{BeamTable, ScanMotion};
 pub use clock::ClockExchange;
 pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};
 pub use delay::DelayPoint;
 pub use imu::{Axes, ImuSample};
-pub use lines::{Edge, EdgeKind, Face, FittedLine, LINE_STATE, NormalLine, ReflectorLines};
+pub use lines::{
+    Edge, EdgeBasis, EdgeKind, Face, FittedLine, LINE_STATE, NormalLine, ReflectorLines,
+};
 pub use pose::{POSE_STATE, Pose};
 pub use scan::{Encoder, Ranges, Scan, ScanInfo};
 pub use segment::Segment;

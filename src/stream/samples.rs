@@ -1,8 +1,8 @@
 //! Records with a value in every column, and strategies for arbitrary ones, for the tests.
 
 use crate::record::{
-    Axes, ClockExchange, Edge, EdgeKind, Face, FittedLine, ImuSample, NormalLine, Pose, Ranges,
-    ReflectorLines, Scan, ScanInfo, Segment, Stamp, Status, TrajectoryPoint, upper_index,
+    Axes, ClockExchange, Edge, EdgeBasis, EdgeKind, Face, FittedLine, ImuSample, NormalLine, Pose,
+    Ranges, ReflectorLines, Scan, ScanInfo, Segment, Stamp, Status, TrajectoryPoint, upper_index,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -237,9 +237,16 @@ prop_compose! {
         kind in prop_oneof![Just(EdgeKind::On), Just(EdgeKind::Off)],
         strip in -1..20i32,
         n in vec(finite(), 5),
-        sub_beam in option::of((finite(), finite())),
+        sub_beam in option::of((finite(), finite(), finite())),
+        basis in prop_oneof![
+            Just(EdgeBasis::Interval),
+            Just(EdgeBasis::Remission),
+            Just(EdgeBasis::Echoes),
+            Just(EdgeBasis::Saturated),
+            Just(EdgeBasis::Ambiguous),
+        ],
     ) -> Edge {
-        let (edge_rad, sigma_rad) = sub_beam.unwrap_or((f64::NAN, f64::NAN));
+        let (edge_rad, sigma_rad, cov_next_rad2) = sub_beam.unwrap_or((f64::NAN, f64::NAN, 0.0));
         Edge {
             face,
             strip,
@@ -250,6 +257,8 @@ prop_compose! {
             sigma_rad,
             d_threshold: n[2],
             d_footprint: n[3],
+            cov_next_rad2,
+            basis,
             time_s: n[4],
         }
     }
