@@ -38,7 +38,7 @@ EXIT STATUS
     after_long_help = EXAMPLES,
     mut_arg("format", |arg| arg.hide(true))
 )]
-pub struct Args {
+pub struct LineArgs {
     /// Segments: a file, a FIFO or - for stdin (the default), with a name for the run in front if wanted
     #[arg(value_name = "[NAME=]SEGMENTS")]
     segments: Vec<String>,
@@ -98,7 +98,7 @@ fn percent(text: &str) -> Result<f64, String> {
     }
 }
 
-impl Args {
+impl LineArgs {
     fn matching(&self) -> Matching {
         Matching {
             point_sigma_m: self.point_sigma_cm / 100.0,
@@ -113,7 +113,7 @@ impl Args {
 }
 
 /// Runs the subcommand.
-pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &LineArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
     let sources = origin::sources(&args.segments);
     let (truth, runs) = inputs::read_segments(&args.truth, &sources, &options)?;
@@ -137,7 +137,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Says on stderr what a reader must not miss, and which status that is.
-fn outcome(args: &Args, scores: &[Score]) -> anyhow::Result<Outcome> {
+fn outcome(args: &LineArgs, scores: &[Score]) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Done;
     for score in scores {
         let missing = match (score.true_lines, score.lines) {

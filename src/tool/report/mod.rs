@@ -30,14 +30,14 @@ pub struct Args {
     pub subject: Option<Subject>,
     /// Poses
     #[command(flatten)]
-    pub poses: poses::Args,
+    pub poses: poses::PoseArgs,
 }
 
 /// What there are reports on besides poses. A file of poses that has such a name is given as ./NAME.
 #[derive(Clone, Debug, clap::Subcommand)]
 pub enum Subject {
     /// Scores extracted lines against the true ones
-    Lines(lines::Args),
+    Lines(lines::LineArgs),
 }
 
 /// Runs the tool.

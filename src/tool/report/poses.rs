@@ -41,7 +41,7 @@ EXIT STATUS
 
 /// Poses, what they are compared with and how.
 #[derive(Clone, Debug, clap::Args)]
-pub struct Args {
+pub struct PoseArgs {
     /// Poses: a file, a FIFO or - for stdin (the default), with a name for the run in front if wanted;
     /// a file name with = in it is given as ./NAME
     #[arg(value_name = "[NAME=]POSES")]
@@ -103,7 +103,7 @@ fn parse_association(text: &str) -> Result<Association, String> {
 }
 
 /// Runs the tool without a subcommand.
-pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
+pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
     let table = args.common.output.as_deref();
     let table = table.filter(|path| *path != Path::new("-"));
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Reads everything and sums it up.
-fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
+fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
     let inertial = args
         .imu
         .as_deref()
@@ -192,7 +192,7 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
 }
 
 /// The report of an IMU at rest, without poses.
-fn imu_alone(args: &Args, inertial: Option<Inertial>) -> anyhow::Result<Report> {
+fn imu_alone(args: &PoseArgs, inertial: Option<Inertial>) -> anyhow::Result<Report> {
     if let Some(gate) = args.fail_if.first() {
         let why = format!(
             "--fail-if '{}' is about poses, and there are none",
@@ -222,7 +222,7 @@ fn date() -> Option<String> {
     origin::date(&seconds)
 }
 
-fn style(args: &Args) -> terminal::Style {
+fn style(args: &PoseArgs) -> terminal::Style {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
     let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
     terminal::Style {
