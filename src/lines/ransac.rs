@@ -234,3 +234,28 @@ impl Extractor for Ransac {
         self.returns.expect(lines);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eq. 4.12 by hand: half inliers, 99 %: log 0.01 / log 0.75 = 16.008.
+    #[test]
+    fn fewer_trials_for_more_inliers() {
+        assert_eq!(trials_needed(0.5, 0.99), 17);
+        assert_eq!(trials_needed(0.1, 0.99), 459);
+        assert_eq!(trials_needed(1.0, 0.99), 1);
+        assert_eq!(trials_needed(0.999_999, 0.5), 1);
+        assert_eq!(trials_needed(0.0, 0.99), u32::MAX);
+    }
+
+    #[test]
+    fn draws_reach_every_beam() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut seen = [0; 5];
+        for _ in 0..5000 {
+            seen[below(&mut rng, 5)] += 1;
+        }
+        assert!(seen.iter().all(|n| (800..1200).contains(n)), "{seen:?}");
+    }
+}
