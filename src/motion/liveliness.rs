@@ -23,7 +23,7 @@ pub struct Liveliness {
 }
 
 /// How long a state lasts on average, s.
-const STAY_S: [f64; 3] = [5.0, 5.0, 1.0];
+const STAY_S: [f64; 3] = [5.0, 2.0, 1.0];
 
 impl Liveliness {
     /// `psd` are the accelerations' power spectral densities of cruising and of starting, m^2/s^3;
@@ -63,7 +63,8 @@ impl Liveliness {
         let [_, slow, fast] = self.axis.character().levels;
         // The mean of the roots: a start that is hardly probable does not make a cruise lively.
         let share = start / (cruise + start).max(f64::MIN_POSITIVE);
-        let root = (1.0 - share) * slow.acceleration_psd.sqrt() + share * fast.acceleration_psd.sqrt();
+        let root =
+            (1.0 - share) * slow.acceleration_psd.sqrt() + share * fast.acceleration_psd.sqrt();
         let psd = root * root;
         Gait::Moving { psd }
     }

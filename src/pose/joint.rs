@@ -315,7 +315,9 @@ impl Estimator {
     ) -> Vec<(Measured, PointFactor)> {
         let pose = pose_at(&self.frame, at);
         let white = WhiteLines::new(lines);
-        let of_lines = white.iter().flat_map(|white| white.factors(lines, &pose, at));
+        let of_lines = white
+            .iter()
+            .flat_map(|white| white.factors(lines, &pose, at));
         let of_edges = self.independent_points(lines);
         of_lines
             .map(|factor| (Measured::Lines, factor))

@@ -455,7 +455,11 @@ fn keep_boxes(last: &mut Node, node: &mut Node, nuisances: &Nuisances) {
     }
     let dithers = kept.iter().any(|a| kept.iter().any(|b| a.excludes(b)));
     for held in &mut kept {
-        held.copies = if dithers { 1.0 + REPEATED * (held.seen - 1.0) } else { 1.0 };
+        held.copies = if dithers {
+            1.0 + REPEATED * (held.seen - 1.0)
+        } else {
+            1.0
+        };
         held.counts = true;
         held.first = true;
     }

@@ -10,7 +10,7 @@ use crate::record::Pose;
 
 /// Accelerations of y and z in m^2/s^3, of roll in rad^2/s^3: cruising, and starting at 5 m/s^2 or
 /// swinging by 1 deg at 2 Hz.
-const ALONG: [f64; 2] = [0.005, 20.0];
+const ALONG: [f64; 2] = [0.03, 20.0];
 const ABOUT: [f64; 2] = [1e-3, 5.0];
 /// The same of x, pitch and yaw while nothing contradicts it: a sway of 5 mm at 0.25 Hz, a turning of
 /// 0.3 deg at 0.15 Hz.

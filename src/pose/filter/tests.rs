@@ -85,7 +85,10 @@ fn a_linear_gaussian_run_is_the_textbook_filter_and_smoother() {
             p = own_p + gain * (p - predicted[k + 1].1) * gain.transpose();
         }
         assert!((smoothed[k].mean[Y] - m[0]).abs() < 1e-9, "{k}");
-        assert!((smoothed[k].covariance[(Y, Y)] / p[(0, 0)] - 1.0).abs() < 1e-6, "{k}");
+        assert!(
+            (smoothed[k].covariance[(Y, Y)] / p[(0, 0)] - 1.0).abs() < 1e-6,
+            "{k}"
+        );
         let velocity = VELOCITY + Y;
         assert!((smoothed[k].mean[velocity] - m[1]).abs() < 1e-7, "{k}");
         let ratio = smoothed[k].covariance[(velocity, velocity)] / p[(1, 1)];
@@ -144,7 +147,11 @@ fn of_a_run_of_equal_boxes_the_ends_count() {
     let pushed = |spans: usize| {
         let mut chain = Chain::new(wide(), nuisances);
         for _ in 0..spans {
-            chain.push(Node::new(moving(1e-4), Vec::new(), vec![x_box(-0.006, 0.006)]));
+            chain.push(Node::new(
+                moving(1e-4),
+                Vec::new(),
+                vec![x_box(-0.006, 0.006)],
+            ));
         }
         chain.settle(20);
         x_of(chain.newest())[1]
@@ -153,7 +160,11 @@ fn of_a_run_of_equal_boxes_the_ends_count() {
     let even = 0.012 / 12f64.sqrt();
     for scans in [5, 20, 60] {
         let sigma = pushed(scans);
-        assert!(sigma > 0.8 * even && sigma < 1.1 * even, "{scans}: {}", sigma / even);
+        assert!(
+            sigma > 0.8 * even && sigma < 1.1 * even,
+            "{scans}: {}",
+            sigma / even
+        );
     }
 }
 
@@ -164,7 +175,11 @@ fn a_trimmed_chain_ends_where_the_whole_one_does() {
         // x goes on by 3 mm a scan through boxes of 10 mm.
         let low = 0.01 * (0.3 * f64::from(k)).floor();
         for chain in [&mut whole, &mut trimmed] {
-            chain.push(Node::new(moving(1e-5), Vec::new(), vec![x_box(low, low + 0.01)]));
+            chain.push(Node::new(
+                moving(1e-5),
+                Vec::new(),
+                vec![x_box(low, low + 0.01)],
+            ));
         }
         trimmed.settle(2);
         trimmed.trim(12);
@@ -269,7 +284,12 @@ fn standing_platforms_get_better_poses_with_honest_covariances() {
     }
     smoother.finish(|pose| smoothed.push(pose));
     assert_eq!(smoothed.len(), scans.len());
-    assert!(scans.iter().zip(&smoothed).all(|(s, p)| s.scan.seq == p.seq));
+    assert!(
+        scans
+            .iter()
+            .zip(&smoothed)
+            .all(|(s, p)| s.scan.seq == p.seq)
+    );
     assert_eq!((causal.starts(), smoother.starts()), (60, 60));
     let each = scans_each as usize;
     let (nees, x) = judged(&scans, &filtered, each);
@@ -279,7 +299,10 @@ fn standing_platforms_get_better_poses_with_honest_covariances() {
     for nees in nees.iter().chain(&smooth_nees) {
         assert!((0.45..1.75).contains(nees), "{nees}");
     }
-    assert!(x < 0.5 * single_x && smooth_x < 0.5 * single_x, "{x} {smooth_x} {single_x}");
+    assert!(
+        x < 0.5 * single_x && smooth_x < 0.5 * single_x,
+        "{x} {smooth_x} {single_x}"
+    );
     // As white noise twenty scans would have gained more than they can.
     assert!(x > 0.1 * single_x, "{x} {single_x}");
 }

@@ -17,9 +17,7 @@ impl ManyScans {
     pub(super) fn new(args: &FilterArgs, frame: &Frame) -> Option<ManyScans> {
         let joint = joint::Options::default();
         let mut options = Options::default();
-        options.nuisances.range_bias_walk = args
-            .range_bias_walk_mm
-            .map(|mm| mm / 1000.0);
+        options.nuisances.range_bias_walk = args.range_bias_walk_mm.map(|mm| mm / 1000.0);
         if args.smooth {
             let smoother = Smoother::new(frame, joint, options);
             return Some(ManyScans::Smoother(smoother));
@@ -70,13 +68,13 @@ impl ManyScans {
 #[command(next_help_heading = "Many scans")]
 pub(super) struct FilterArgs {
     /// Filter the poses over the scans so far; each comes out with its scan
-    #[arg(long, conflicts_with_all = ["smooth", "align_imu"])]
+    #[arg(long, group = "many", conflicts_with = "align_imu")]
     pub(super) filter: bool,
-    /// Smooth the poses over all scans, before and after; they come out at the end of the input,
-    /// which is held until then (12 kB a scan)
-    #[arg(long, conflicts_with = "align_imu")]
+    /// Smooth the poses over all scans before and after; they come out at the end of the input, and
+    /// 12 kB a scan are held until then
+    #[arg(long, group = "many", conflicts_with_all = ["filter", "align_imu"])]
     pub(super) smooth: bool,
-    /// The range bias wanders by this in a second, in place of another one for each scan
-    #[arg(long, value_name = "MM", value_parser = super::arguments::not_negative)]
+    /// The range bias wanders by this much in a second, in place of another one for each scan
+    #[arg(long, value_name = "MM", requires = "many", value_parser = super::arguments::not_negative)]
     pub(super) range_bias_walk_mm: Option<f64>,
 }
