@@ -70,7 +70,7 @@ EXAMPLES
     head -n 2 poses.csv | ads-push 192.0.2.10.1.1 MAIN.stPose --dry-run \\
       --layout 6*REAL,UDINT,UDINT --fields x:mm,y:mm,z:mm,roll:deg,pitch:deg,yaw:deg,status,counter
   And as one variable a field:
-    head -n 2 poses.csv | ads-push plc.local/192.0.2.10.1.1 MAIN.fX=x MAIN.fY=y MAIN.n=counter --dry-run
+    head -n 2 poses.csv | ads-push plc/192.0.2.10.1.1 MAIN.fX=x MAIN.n=counter --dry-run
 
 WITH A CONTROLLER
   ads-push --add-route --route-credentials plc.txt 192.0.2.10.1.1
