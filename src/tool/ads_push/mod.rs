@@ -24,13 +24,14 @@ const TOOL: &str = "ads-push";
 
 const MORE: &str = "\
 FIELDS
-  x y z (m, mm, um), roll pitch yaw (rad, deg, mrad), sigma_x .. sigma_yaw (the same units), vx vy vz
-  (m/s, mm/s; read only), range_bias (m, mm, um), stamp and scan_stamp (s, ms, us, 100ns, ns since
-  @1601, @1970 or @2000; filetime is 100ns@1601, dc is ns@2000), age (s, ms, us, ns: from the stamp to
-  the write), status, sequence (number of the scan), counter (number of the write), edges, votes,
-  valid (1 for a whole, fresh pose), _ (0).
+  x y z (m, mm, um), roll pitch yaw (rad, deg, mrad), sigma_x .. sigma_yaw (the same units), vx
+  vy vz (m/s, mm/s; read only), range_bias (m, mm, um), stamp and scan_stamp (s, ms, us, 100ns,
+  ns since @1601, @1970 or @2000; filetime is 100ns@1601, dc is ns@2000), age (s, ms, us, ns:
+  from the stamp to the write), status, sequence (number of the scan), counter (number of the
+  write), edges, votes, valid (1 for a whole, fresh pose), _ (0).
   The first unit is the default; another one stands behind a colon: yaw:deg, stamp:filetime.
-  An array takes fields in order, a structure by the names of its members: --fields fX=x:mm,fYaw=yaw:deg.
+  An array takes fields in order, a structure by the names of its members: --fields
+  fX=x:mm,fYaw=yaw:deg.
   Several variables are written in one request: MAIN.fX=x:mm MAIN.nStatus=status.
 
 STATUS WORD
@@ -38,28 +39,30 @@ STATUS WORD
   edge-outlier, 8 no-imu, 9 stale-imu, 10 extrapolated, 11 re-acquired, 12 disagree, 13
   extrapolated-too-far, 14 stale-motion: what the pose's own status says.
   Bit 16: no new pose for longer than --stale. Bit 17: ads-push has ended.
-  A counter that stands still means that ads-push or the line to it is gone: the PLC must watch it.
+  A counter that stands still means that ads-push or the line to it is gone: the PLC must watch
+  it.
   packaging/twincat has a function block that does.
 
 WHAT IS SAFE
-  Before the first write, after every connection and after every change of the program, name, type
-  and size of the variables are compared with the fields. Where they do not fit nothing is written,
-  both sides are shown, and the status is 78. One request holds all of a pose: the PLC never sees
-  half of one. A pose without numbers is written as its status and the last numbers (--missing): a
-  NaN can stop a PLC.
-  When the controller is slower than the poses the newest one is written, and those that it passed
-  over are counted: that is no loss. Poses that came while there was no connection, or were not
-  acknowledged, are one: the status is 3. Poses go on to stdout in any case, byte by byte as they came
-  (with --format, -o, --from, --to, --skip-bad or --stamp-push they are written anew).
+  Before the first write, after every connection and after every change of the program, name,
+  type and size of the variables are compared with the fields. Where they do not fit nothing is
+  written, both sides are shown, and the status is 78. One request holds all of a pose: the PLC
+  never sees half of one. A pose without numbers is written as its status and the last numbers
+  (--missing): a NaN can stop a PLC.
+  When the controller is slower than the poses the newest one is written, and those that it
+  passed over are counted: that is no loss. Poses that came while there was no connection, or
+  were not acknowledged, are one: the status is 3. Poses go on to stdout in any case, byte by
+  byte as they came (with --format, -o, --from, --to, --skip-bad or --stamp-push they are
+  written anew).
 
 WHERE PEOPLE TRIP
-  A controller keeps one TCP connection for each host. A second program on the same host, another
-  ads-push or TwinCAT XAE, ends the first one's. Let one ads-push do both: push, and --read SYMBOL
-  --read-to FIFO. Or run on the IPC itself: through its router (TARGET 127.0.0.1/NETID, where a port is
-  asked for) any number of programs share the connection. TwinCAT before 4024.5 wants
-  EnableAmsTcpLoopback=1 in its registry for that.
-  The controller needs a route to this host's NetId and address: --add-route asks for one; user and
-  password go over the network in the clear, as with every tool that does this.
+  A controller keeps one TCP connection for each host. A second program on the same host,
+  another ads-push or TwinCAT XAE, ends the first one's. Let one ads-push do both: push, and
+  --read SYMBOL --read-to FIFO. Or run on the IPC itself: through its router (TARGET
+  127.0.0.1/NETID, where a port is asked for) any number of programs share the connection.
+  TwinCAT before 4024.5 wants EnableAmsTcpLoopback=1 in its registry for that.
+  The controller needs a route to this host's NetId and address: --add-route asks for one; user
+  and password go over the network in the clear, as with every tool that does this.
   Secure ADS (TLS, port 8016) is not spoken. Plain ADS belongs on a wire or a VLAN of its own.
   A TARGET that is an address or a name stands for the NetId address.1.1.
 
@@ -68,7 +71,7 @@ EXAMPLES
     head -n 2 poses.csv | ads-push 192.0.2.10.1.1 MAIN.SickValue --dry-run
   The same in millimetres and degrees, into a structure of REALs with a counter behind them:
     head -n 2 poses.csv | ads-push 192.0.2.10.1.1 MAIN.stPose --dry-run \\
-      --layout 6*REAL,UDINT,UDINT --fields x:mm,y:mm,z:mm,roll:deg,pitch:deg,yaw:deg,status,counter
+      --layout 3*REAL,REAL,UDINT,UDINT --fields x:mm,y:mm,z:mm,yaw:deg,status,counter
   And as one variable a field:
     head -n 2 poses.csv | ads-push plc/192.0.2.10.1.1 MAIN.fX=x MAIN.n=counter --dry-run
 
@@ -78,7 +81,7 @@ WITH A CONTROLLER
   ads-push check 192.0.2.10.1.1 MAIN.SickValue
   scan-capture lms.local | extract-lines -f frame.toml | solve-pose -f frame.toml
   | ads-push 192.0.2.10.1.1 MAIN.SickValue | tee run.csv | report -
-  ads-push 192.0.2.10.1.1 --read GVL.stDesired --read-fields stamp:dc,x,y,z,vx,vy,vz > desired.csv";
+  ads-push 192.0.2.10.1.1 --read GVL.stDesired --read-fields stamp:dc,x,y,z,vx,vy,vz > d.csv";
 
 /// The command line.
 #[derive(Debug, clap::Parser)]
