@@ -125,10 +125,11 @@ impl Pool {
                 _ => {}
             }
         }
+        self.begin_at_a_break(returns, line, limit_m, options);
         let (mut best, mut most) = (0..0, 0);
         let (mut first, mut count) = (0, 0);
         for i in 0..self.runs.len() {
-            if i > 0 && !self.goes_on(returns, line, i, limit_m, options) {
+            if i > 0 && !self.goes_on(returns, line, [i - 1, i], limit_m, options) {
                 (first, count) = (i, 0);
             }
             count += self.runs[i].len();
@@ -140,25 +141,60 @@ impl Pool {
         self.row.extend_from_slice(&self.runs[best]);
     }
 
-    /// Whether run `i` and the one before are of one row.
+    /// Where a scanner sees all round and a row goes on behind the last beam, lets the runs begin
+    /// elsewhere.
+    fn begin_at_a_break(
+        &mut self,
+        returns: &Returns,
+        line: InverseLine,
+        limit_m: f64,
+        options: &ExtractorOptions,
+    ) {
+        let last = self.runs.len().saturating_sub(1);
+        if last == 0
+            || !returns.is_all_round()
+            || !self.goes_on(returns, line, [last, 0], limit_m, options)
+        {
+            return;
+        }
+        let at_break = |i: &usize| !self.goes_on(returns, line, [i - 1, *i], limit_m, options);
+        if let Some(first) = (1..=last).find(at_break) {
+            self.runs.rotate_left(first);
+        } else {
+            // One row: it begins behind its widest gap.
+            let gap = |i: &usize| self.runs[*i].start - self.runs[i - 1].end;
+            let first = (1..=last).max_by_key(gap).unwrap_or(0);
+            self.runs.rotate_left(first);
+        }
+    }
+
+    /// Whether two runs that follow each other are of one row.
     fn goes_on(
         &self,
         returns: &Returns,
         line: InverseLine,
-        i: usize,
+        [before, after]: [usize; 2],
         limit_m: f64,
         options: &ExtractorOptions,
     ) -> bool {
         let beams = returns.beams();
-        let (end, start) = (self.runs[i - 1].end - 1, self.runs[i].start);
+        let (end, start) = (self.runs[before].end - 1, self.runs[after].start);
         let gap_m = (beams.y_m[start] - beams.y_m[end]).hypot(beams.z_m[start] - beams.z_m[end]);
         if gap_m > options.segmentation.max_gap_m {
             return false;
         }
-        let through = (end + 1..start).filter(|k| {
+        let passes = |k: &usize| {
             let (r, y, z) = (beams.range_m[*k], beams.y_m[*k], beams.z_m[*k]);
             line.residual_m(r, y, z) > limit_m.max(0.1)
-        });
-        through.count() < THROUGH
+        };
+        let through = if start > end {
+            (end + 1..start).filter(passes).count()
+        } else {
+            (end + 1..beams.len())
+                .chain(0..start)
+                .filter(passes)
+                .count()
+        };
+        through < THROUGH
     }
 }

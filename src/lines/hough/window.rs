@@ -71,14 +71,16 @@ impl Accumulator {
         self.z.clear();
     }
 
-    /// Adds a point, m.
+    /// Adds a point, m; one that is not finite has no vote.
     #[inline]
     pub fn add(&mut self, y_m: f64, z_m: f64) {
-        self.y.push(y_m as f32);
-        self.z.push(z_m as f32);
+        if (y_m + z_m).is_finite() {
+            self.y.push(y_m as f32);
+            self.z.push(z_m as f32);
+        }
     }
 
-    /// Adds a point in single precision, m.
+    /// Adds a finite point in single precision, m.
     #[inline]
     pub(super) fn add_single(&mut self, y_m: f32, z_m: f32) {
         self.y.push(y_m);
