@@ -155,7 +155,11 @@ fn the_estimate_is_the_mean_of_the_exact_posterior() {
 #[test]
 fn covariance_is_honest() {
     let frame = frame(&[]);
-    for effects in ["reference", "reference,mixed"] {
+    for effects in [
+        "reference,-remission",
+        "reference,mixed,-remission",
+        "reference,mixed",
+    ] {
         let steps = scattered(&frame, effects, 500, [0.5, 3.5], 32);
         let mut nees = [0.0; 6];
         for step in &steps {
@@ -388,7 +392,7 @@ fn lines_of_no_pose_are_said_to_disagree() {
 #[test]
 fn an_edge_that_contradicts_the_rest_is_left_out() {
     let frame = frame(&[]);
-    for step in &scattered(&frame, "reference", 20, [1.0, 3.0], 36) {
+    for step in &scattered(&frame, "reference,-remission", 20, [1.0, 3.0], 36) {
         let mut lines = lines_of(&frame, step);
         let clean = solve(&lines, &frame, known(step), &Options::default());
         for edge in &mut lines.edges[3..4] {
@@ -399,6 +403,23 @@ fn an_edge_that_contradicts_the_rest_is_left_out() {
         assert!(pose.status.has(Status::EDGE_OUTLIER), "{}", pose.status);
         assert_eq!(pose.edges, 7);
         assert!((pose.position_m[0] - clean.position_m[0]).abs() < 0.025);
+    }
+}
+
+#[test]
+fn a_sub_beam_edge_that_contradicts_the_rest_falls_back_to_its_interval() {
+    let frame = frame(&[]);
+    for step in &scattered(&frame, "reference", 20, [1.0, 3.0], 39) {
+        let mut lines = lines_of(&frame, step);
+        let clean = solve(&lines, &frame, known(step), &Options::default());
+        assert!(clean.status.is_ok(), "{}", clean.status);
+        let mut between = lines.edges.iter_mut().filter(|e| e.edge_rad.is_finite());
+        between.next().unwrap().edge_rad += 0.008;
+        let pose = solve(&lines, &frame, known(step), &Options::default());
+        assert!(pose.status.has(Status::EDGE_OUTLIER), "{}", pose.status);
+        assert_eq!(pose.edges, clean.edges);
+        let moved_m = (pose.position_m[0] - clean.position_m[0]).abs();
+        assert!(moved_m < 4.0 * clean.cov(0, 0).sqrt(), "{moved_m}");
     }
 }
 
