@@ -1,5 +1,6 @@
 //! extract-lines: scans in; reflector lines with strip edges, or the lines of any scene, out.
 
+mod deskew;
 mod general;
 mod reflectors;
 

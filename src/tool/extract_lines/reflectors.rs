@@ -1,5 +1,6 @@
 //! Reflector lines and strip edges: the options and the stage.
 
+use super::deskew::{Deskew, DeskewArgs};
 use super::positive;
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
@@ -9,7 +10,7 @@ use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
 use std::path::Path;
 
 /// Settings of the reflector fit.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Reflector lines")]
 pub(super) struct ReflectorArgs {
     /// Standard deviation of a range [default: from each scan's own residuals]
@@ -21,6 +22,8 @@ pub(super) struct ReflectorArgs {
     /// Look for the reflectors anew in every scan, without the scan before as a prediction
     #[arg(long)]
     cold: bool,
+    #[command(flatten)]
+    deskew: DeskewArgs,
 }
 
 impl ReflectorArgs {
@@ -35,6 +38,7 @@ impl ReflectorArgs {
             .iter()
             .find(|(given, _)| *given)
             .map(|(_, name)| *name)
+            .or_else(|| self.deskew.given())
     }
 
     fn options(&self) -> reflectors::Options {
@@ -58,8 +62,10 @@ pub(super) fn run(
         let text = "--method reflectors needs the frame: -f FILE";
         return Err(Fault::Usage(text.to_owned()).into());
     };
+    let fit = ReflectorFit::new(&frame, settings.options());
     let mut stage = Reflectors {
-        fit: ReflectorFit::new(&frame, settings.options()),
+        deskew: settings.deskew.open(&frame, &fit, input, options)?,
+        fit,
         edges: EdgeMeter::new(&frame),
         lines: ReflectorLines::default(),
         without: 0,
@@ -71,6 +77,7 @@ pub(super) fn run(
 /// Scans in, the reflector lines and strip edges of each out.
 struct Reflectors {
     fit: ReflectorFit,
+    deskew: Deskew,
     edges: EdgeMeter,
     lines: ReflectorLines,
     scans: u64,
@@ -84,10 +91,11 @@ impl Stage for Reflectors {
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
         self.scans += 1;
         self.lines.begin(scan);
-        match self.fit.fit(scan) {
-            Some(fit) => {
-                self.fit.record(&fit, &mut self.lines);
+        match self.deskew.fit(&mut self.fit, scan, &mut self.lines)? {
+            Some(fitted) => {
+                let scan = fitted.corrected.as_ref().unwrap_or(scan);
                 self.edges.measure(scan, &mut self.lines);
+                self.lines.set_motion(fitted.motion);
             }
             None => self.without += 1,
         }
@@ -99,6 +107,13 @@ impl Stage for Reflectors {
             eprintln!(
                 "extract-lines: no reflectors in {} of {} scans",
                 self.without, self.scans
+            );
+        }
+        if self.deskew.unknown > 0 {
+            eprintln!(
+                "extract-lines: --motion does not say how {} of {} scans moved; they were taken as \
+                 at rest",
+                self.deskew.unknown, self.scans
             );
         }
         let nothing = self.without == self.scans && self.scans > 0;
