@@ -381,7 +381,8 @@ impl ReflectorFit {
             roll_rad_s: 0.0,
             ..motion
         };
-        for (line, run) in fit.lines.iter().zip(sectors(&fit.lines, &at_rest)) {
+        // Which reflector a beam met is known from where it really was.
+        for (line, run) in fit.lines.iter().zip(sectors(&fit.lines, &self.beams)) {
             let (sin, cos) = line.alpha_rad.sin_cos();
             let normal_m_s = origins.vy_m_s * cos + origins.vz_m_s * sin;
             for i in run {

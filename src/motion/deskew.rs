@@ -44,6 +44,21 @@ pub struct Deskewed {
     pub step: SVector<f64, 7>,
     /// Their covariance with the motion's uncertainty.
     pub covariance: SMatrix<f64, 7, 7>,
+    /// How the scan stands to the one before.
+    pub relation: Relation,
+}
+
+/// How a scan stands to the one before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Relation {
+    /// It belongs to the same motion. Where that began with the scan before, whose motion was
+    /// hardly known then: what is known of it now.
+    GoesOn(Option<KnownMotion>),
+    /// Nothing was known of the motion before it. The next scan will tell much more of it.
+    Begins,
+    /// It is from another place, too far away for any platform to have gone there: so the platform
+    /// rested in the scan before, and does now.
+    Elsewhere,
 }
 
 /// Place (y, z, roll), velocity, acceleration: three each, in axes along floor and walls.
@@ -71,6 +86,21 @@ const GATE: f64 = 50.0;
 const IMPOSSIBLE: [f64; 3] = [8.0, 8.0, 8.0];
 /// How well it is known that it rests, m/s and rad/s.
 const REST_VELOCITY: [f64; 3] = [0.005, 0.005, 0.001];
+/// What is known of a platform that rests.
+pub const AT_REST: KnownMotion = (
+    ScanMotion::REST,
+    Matrix3::new(
+        REST_VELOCITY[0] * REST_VELOCITY[0],
+        0.0,
+        0.0,
+        0.0,
+        REST_VELOCITY[1] * REST_VELOCITY[1],
+        0.0,
+        0.0,
+        0.0,
+        REST_VELOCITY[2] * REST_VELOCITY[2],
+    ),
+);
 /// Walls stand askew to the ceiling in the scan plane by yaw times pitch, rad.
 const SKEW_RAD: f64 = 4e-4;
 /// A line's distance is not better than this, m.
@@ -101,6 +131,8 @@ pub fn guided(guide: &Guide, frame: &Frame, stamp: Stamp, reach_s: f64) -> Optio
 pub struct SelfMotion {
     dy_m: f64,
     belief: Option<Belief>,
+    /// Whether the belief is that of a single scan.
+    begun: bool,
     /// Every belief so far where hindsight is wanted.
     history: Option<Vec<Past>>,
 }
@@ -117,8 +149,8 @@ struct Belief {
 enum Past {
     /// No lines, or a stamp that does not go on.
     Nothing,
-    /// What was known at it, and whether it begins anew.
-    Known { belief: Belief, first: bool },
+    /// What was known at it, and how it stands to the one before.
+    Known(Belief, Relation),
 }
 
 /// The motion within a scan and the covariance of its three components.
@@ -130,6 +162,7 @@ impl SelfMotion {
         SelfMotion {
             dy_m,
             belief: None,
+            begun: false,
             history: None,
         }
     }
@@ -178,8 +211,10 @@ impl SelfMotion {
         if let Some(expected) = expected {
             let update = expected.update(self.dy_m, &first, assumed);
             if let Some(update) = update.filter(|update| update.distance <= GATE) {
-                let goes_on = span_s.is_some_and(|s| s > 0.0);
-                return self.settle(stamp, expected, update, first, assumed, fit, goes_on);
+                let mut prior = expected;
+                prior.stamp = stamp;
+                let keep = span_s.is_some_and(|s| s > 0.0);
+                return self.settle(prior, update, first, assumed, fit, keep.then_some(None));
             }
         }
         let mut start = Belief::at(self.dy_m, stamp, &first);
@@ -199,20 +234,19 @@ impl SelfMotion {
         };
         let update = start.update(self.dy_m, &first, assumed)?;
         self.belief = None;
-        self.settle(stamp, start, update, first, assumed, fit, true)
+        self.settle(start, update, first, assumed, fit, Some(Some(jumped)))
     }
 
-    /// Brings motion and lines together, fitting again where the motion was far off.
-    #[allow(clippy::too_many_arguments)]
+    /// Brings motion and lines together, fitting again where the motion was far off. `new` says
+    /// whether the belief is to be kept, and if so, whether it starts anew, and if so, by a jump.
     fn settle(
         &mut self,
-        stamp: Stamp,
         expected: Belief,
         mut update: Update,
         mut lines: LineFit,
         mut assumed: ScanMotion,
         fit: &mut impl FnMut(ScanMotion) -> Option<LineFit>,
-        keep: bool,
+        new: Option<Option<bool>>,
     ) -> Option<Deskewed> {
         for _ in 1..FITS {
             let off = vector(update.belief.motion()) - vector(assumed);
@@ -228,27 +262,31 @@ impl SelfMotion {
             (lines, assumed) = (again, next);
             update = expected.update(self.dy_m, &lines, assumed)?;
         }
-        let begins = self.belief.is_none();
-        if keep {
-            self.belief = Some(Belief {
-                stamp,
-                ..update.belief
-            });
+        let relation = match new.flatten() {
+            Some(true) => Relation::Elsewhere,
+            Some(false) => Relation::Begins,
+            None => {
+                let before = self.belief.filter(|_| self.begun && new.is_some());
+                Relation::GoesOn(
+                    before.map(|before| before.in_hindsight(&update.belief).known_motion()),
+                )
+            }
+        };
+        if new.is_some() {
+            self.belief = Some(update.belief);
+            self.begun = relation == Relation::Begins;
         }
         if let Some(history) = &mut self.history {
-            history.push(match self.belief {
-                Some(belief) if keep => Past::Known {
-                    belief,
-                    first: begins,
-                },
-                _ => Past::Nothing,
+            history.push(match new {
+                Some(_) => Past::Known(update.belief, relation),
+                None => Past::Nothing,
             });
         }
-        Some(update.deskewed(&lines, assumed))
+        Some(update.deskewed(&lines, assumed, relation))
     }
 
     /// The motion within every scan taken so far, in the light of all of them; none for a scan
-    /// without lines. Forgets them.
+    /// without lines and for one whose stamp did not go on. Forgets them.
     pub fn smoothed(&mut self) -> Vec<Option<KnownMotion>> {
         let history = self
             .history
@@ -256,18 +294,24 @@ impl SelfMotion {
             .map(std::mem::take)
             .unwrap_or_default();
         let mut smoothed = vec![None; history.len()];
-        // The scan behind: what was known at it, and what hindsight makes of it.
-        let mut behind: Option<(Belief, Belief)> = None;
+        // What hindsight makes of the scan behind, where it belongs to the same motion, and
+        // whether it is from elsewhere.
+        let mut behind: Option<Belief> = None;
+        let mut left = false;
         for (past, place) in history.iter().zip(&mut smoothed).rev() {
-            let Past::Known { belief, first } = past else {
+            let Past::Known(belief, relation) = past else {
                 continue;
             };
-            let own = match behind {
-                Some((filtered, hindsight)) => belief.in_hindsight(&filtered, &hindsight),
-                None => *belief,
-            };
-            *place = Some((own.motion(), own.motion_covariance()));
-            behind = (!first).then_some((*belief, own));
+            let own = behind.map_or(*belief, |behind| belief.in_hindsight(&behind));
+            let begins = *relation == Relation::Begins;
+            *place = Some(if begins && behind.is_none() && left {
+                AT_REST
+            } else {
+                own.known_motion()
+            });
+            let goes_on = matches!(relation, Relation::GoesOn(_));
+            behind = goes_on.then_some(own);
+            left = *relation == Relation::Elsewhere;
         }
         smoothed
     }
@@ -299,7 +343,7 @@ struct Update {
 }
 
 impl Update {
-    fn deskewed(&self, lines: &LineFit, assumed: ScanMotion) -> Deskewed {
+    fn deskewed(&self, lines: &LineFit, assumed: ScanMotion, relation: Relation) -> Deskewed {
         let motion = self.belief.motion();
         let s = &lines.sensitivity;
         let shared = s * self.shared;
@@ -309,6 +353,7 @@ impl Update {
             motion,
             step: s * (vector(motion) - vector(assumed)),
             covariance,
+            relation,
         }
     }
 }
@@ -415,6 +460,10 @@ impl Belief {
         Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0)
     }
 
+    fn known_motion(&self) -> KnownMotion {
+        (self.motion(), self.motion_covariance())
+    }
+
     fn motion_covariance(&self) -> Matrix3<f64> {
         let turn = self.into_scanner();
         turn * self.covariance.fixed_view::<3, 3>(3, 3) * turn.transpose()
@@ -481,8 +530,8 @@ impl Belief {
         })
     }
 
-    /// What hindsight makes of this belief, from what was known at the next scan and what is now.
-    fn in_hindsight(&self, next: &Belief, hindsight: &Belief) -> Belief {
+    /// What the next scan's belief, or what hindsight makes of that, makes of this one.
+    fn in_hindsight(&self, next: &Belief) -> Belief {
         let span_s = next.stamp.since_s(self.stamp);
         let expected = self.after(span_s);
         let mut forward = Square::identity();
@@ -495,11 +544,11 @@ impl Belief {
             return *self;
         };
         let gain = self.covariance * forward.transpose() * inverse;
-        let covariance = self.covariance
-            + gain * (hindsight.covariance - expected.covariance) * gain.transpose();
+        let covariance =
+            self.covariance + gain * (next.covariance - expected.covariance) * gain.transpose();
         Belief {
             stamp: self.stamp,
-            state: self.state + gain * (hindsight.state - expected.state),
+            state: self.state + gain * (next.state - expected.state),
             covariance: 0.5 * (covariance + covariance.transpose()),
         }
     }

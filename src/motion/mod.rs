@@ -19,7 +19,7 @@ mod tracker;
 mod turn;
 
 pub use carry::{Carrier, CarryMethod, CarryOptions};
-pub use deskew::{Deskewed, KnownMotion, LineFit, SelfMotion, guided};
+pub use deskew::{AT_REST, Deskewed, KnownMotion, LineFit, Relation, SelfMotion, guided};
 pub use guide::Guide;
 pub use inertia::Inertia;
 pub use path::{Pose, Shuttle, Straight, Wobble};

@@ -2,7 +2,7 @@
 
 use crate::frame::Frame;
 use crate::lines::reflectors::{JointLines, ReflectorFit};
-use crate::motion::{self, Guide, KnownMotion, LineFit, SelfMotion};
+use crate::motion::{self, Guide, KnownMotion, LineFit, Relation, SelfMotion};
 use crate::record::{ReflectorLines, Scan, ScanMotion, TrajectoryPoint};
 use crate::stream::{Fault, Input, Options, Role, SideInput};
 use crate::tool::common::parse_duration;
@@ -148,41 +148,53 @@ pub(super) struct Deskew {
     pub(super) unknown: u64,
 }
 
+/// A scan whose lines were found.
+#[derive(Default)]
+pub(super) struct Fitted {
+    /// What was taken out.
+    pub(super) motion: ScanMotion,
+    /// The scan with corrected ranges, to be taken as at rest, where edges are measured in that.
+    pub(super) corrected: Option<Scan>,
+    /// The motion is hardly known before the next scan: this one is to wait for it.
+    pub(super) wait: bool,
+    /// What this scan tells of the motion in the one before, if that has been waiting.
+    pub(super) before: Option<KnownMotion>,
+}
+
 impl Deskew {
-    /// Fits the lines of a scan with its motion taken out and puts them into `lines`. What comes
-    /// back is the scan that the edges are to be measured in, where it is another one.
+    /// Fits the lines of a scan with its motion taken out and puts them into `lines`; none where
+    /// there are no lines.
     pub(super) fn fit(
         &mut self,
         fit: &mut ReflectorFit,
         scan: &Scan,
         lines: &mut ReflectorLines,
     ) -> anyhow::Result<Option<Fitted>> {
-        let mut found = None;
-        let mut fit_with = |motion: ScanMotion| {
-            let joint = fit.fit_moving(scan, motion)?;
-            found = Some(joint);
-            Some(line_fit(fit, &joint))
-        };
-        let motion = match &mut self.knowledge {
-            Knowledge::Rest => fit_with(ScanMotion::REST).map(|_| ScanMotion::REST),
+        let mut fitted = Fitted::default();
+        let (joint, motion) = match &mut self.knowledge {
+            Knowledge::Rest => (fit.fit(scan), ScanMotion::REST),
             Knowledge::Own(own) => {
-                let deskewed = own.take(lines.stamp, fit_with);
-                if let (Some(deskewed), Some(found)) = (&deskewed, &mut found) {
-                    found.adjust(&deskewed.step, deskewed.covariance);
-                }
-                deskewed.map(|deskewed| deskewed.motion)
+                let mut found = None;
+                let deskewed = own.take(lines.stamp, |motion| {
+                    let joint = fit.fit_moving(scan, motion)?;
+                    found = Some(joint);
+                    Some(line_fit(fit, &joint))
+                });
+                let (Some(deskewed), Some(mut joint)) = (deskewed, found) else {
+                    return Ok(None);
+                };
+                joint.adjust(&deskewed.step, deskewed.covariance);
+                (fitted.wait, fitted.before) = match deskewed.relation {
+                    Relation::Begins => (true, None),
+                    Relation::Elsewhere => (false, Some(motion::AT_REST)),
+                    Relation::GoesOn(before) => (false, before),
+                };
+                (Some(joint), deskewed.motion)
             }
-            Knowledge::Hindsight(motions) => {
-                let known = motions.pop_front().flatten();
-                let motion = known.map_or(ScanMotion::REST, |(motion, _)| motion);
-                let fitted = fit_with(motion);
-                if let (Some((_, covariance)), Some(fitted), Some(found)) =
-                    (known, fitted, &mut found)
-                {
-                    found.covariance = fitted.with_motion(&covariance);
-                }
-                fitted.map(|_| motion)
-            }
+            Knowledge::Hindsight(motions) => match motions.pop_front().flatten() {
+                Some(known) => (fit_known(fit, scan, &known), known.0),
+                None => (fit.fit(scan), ScanMotion::REST),
+            },
             Knowledge::Given {
                 points,
                 wait,
@@ -198,38 +210,65 @@ impl Deskew {
                 let motion = motion::guided(guide, frame, lines.stamp, REACH_S);
                 self.unknown += u64::from(motion.is_none());
                 let motion = motion.unwrap_or_default();
-                fit_with(motion).map(|_| motion)
+                (fit.fit_moving(scan, motion), motion)
             }
         };
-        let (Some(motion), Some(joint)) = (motion, found) else {
-            return Ok(None);
+        fitted.motion = motion;
+        let found = joint.is_some_and(|joint| self.put(fit, scan, &joint, &mut fitted, lines));
+        Ok(found.then_some(fitted))
+    }
+
+    /// The same for a scan that has waited, with what is known of its motion now.
+    pub(super) fn fit_again(
+        &self,
+        fit: &mut ReflectorFit,
+        scan: &Scan,
+        known: &KnownMotion,
+        lines: &mut ReflectorLines,
+    ) -> Option<Fitted> {
+        let mut fitted = Fitted {
+            motion: known.0,
+            ..Fitted::default()
         };
-        if self.correction == Correction::BeamLength {
-            let corrected = fit.by_beam_length(scan, &joint, motion);
-            let Some(joint) = fit.fit(&corrected) else {
-                return Ok(None);
-            };
-            fit.record(&joint, lines);
-            return Ok(Some(Fitted {
-                motion,
-                corrected: Some(corrected),
-            }));
+        let joint = fit_known(fit, scan, known)?;
+        self.put(fit, scan, &joint, &mut fitted, lines)
+            .then_some(fitted)
+    }
+
+    /// Puts lines into their record; false where the correction leaves none.
+    fn put(
+        &self,
+        fit: &mut ReflectorFit,
+        scan: &Scan,
+        joint: &JointLines,
+        fitted: &mut Fitted,
+        lines: &mut ReflectorLines,
+    ) -> bool {
+        if self.correction == Correction::Points {
+            fit.record(joint, lines);
+            lines.set_motion(fitted.motion);
+            return true;
         }
+        let corrected = fit.by_beam_length(scan, joint, fitted.motion);
+        let Some(joint) = fit.fit(&corrected) else {
+            return false;
+        };
+        // The corrected scan counts as one at rest.
         fit.record(&joint, lines);
-        lines.set_motion(motion);
-        Ok(Some(Fitted {
-            motion,
-            corrected: None,
-        }))
+        fitted.corrected = Some(corrected);
+        true
     }
 }
 
-/// A scan whose lines were found.
-pub(super) struct Fitted {
-    /// What was taken out.
-    pub(super) motion: ScanMotion,
-    /// The scan with corrected ranges, to be taken as at rest.
-    pub(super) corrected: Option<Scan>,
+/// The lines with a motion taken out that is known from elsewhere than this scan alone.
+fn fit_known(
+    fit: &mut ReflectorFit,
+    scan: &Scan,
+    (motion, covariance): &KnownMotion,
+) -> Option<JointLines> {
+    let mut joint = fit.fit_moving(scan, *motion)?;
+    joint.covariance = line_fit(fit, &joint).with_motion(covariance);
+    Some(joint)
 }
 
 fn line_fit(fit: &ReflectorFit, joint: &JointLines) -> LineFit {

@@ -1,10 +1,11 @@
 //! Reflector lines and strip edges: the options and the stage.
 
-use super::deskew::{Deskew, DeskewArgs};
+use super::deskew::{Deskew, DeskewArgs, Fitted};
 use super::positive;
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
 use crate::lines::reflectors::{self, ReflectorFit};
+use crate::motion::KnownMotion;
 use crate::record::{ReflectorLines, Scan};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
 use std::path::Path;
@@ -66,6 +67,7 @@ pub(super) fn run(
     let mut stage = Reflectors {
         deskew: settings.deskew.open(&frame, &fit, input, options)?,
         fit,
+        waiting: None,
         edges: EdgeMeter::new(&frame),
         lines: ReflectorLines::default(),
         without: 0,
@@ -78,10 +80,44 @@ pub(super) fn run(
 struct Reflectors {
     fit: ReflectorFit,
     deskew: Deskew,
+    /// A scan whose motion the next one will tell, with its lines as far as they are known.
+    waiting: Option<Box<(Scan, ReflectorLines)>>,
     edges: EdgeMeter,
     lines: ReflectorLines,
     scans: u64,
     without: u64,
+}
+
+impl Reflectors {
+    /// Writes the lines of the scan that has waited, with what is known of its motion now.
+    fn let_go(
+        &mut self,
+        known: Option<&KnownMotion>,
+        emit: &mut Emit<'_, ReflectorLines>,
+    ) -> anyhow::Result<()> {
+        let Some(waiting) = self.waiting.take() else {
+            return Ok(());
+        };
+        let (scan, mut lines) = *waiting;
+        if let Some(known) = known {
+            let mut again = ReflectorLines::default();
+            again.begin(&scan);
+            let fitted = self
+                .deskew
+                .fit_again(&mut self.fit, &scan, known, &mut again);
+            if let Some(fitted) = fitted {
+                measure(&mut self.edges, &scan, &fitted, &mut again);
+                lines = again;
+            }
+        }
+        emit.write(&lines)
+    }
+}
+
+/// Measures the edges and says which motion was taken out.
+fn measure(edges: &mut EdgeMeter, scan: &Scan, fitted: &Fitted, lines: &mut ReflectorLines) {
+    edges.measure(fitted.corrected.as_ref().unwrap_or(scan), lines);
+    lines.set_motion(fitted.motion);
 }
 
 impl Stage for Reflectors {
@@ -91,18 +127,23 @@ impl Stage for Reflectors {
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
         self.scans += 1;
         self.lines.begin(scan);
-        match self.deskew.fit(&mut self.fit, scan, &mut self.lines)? {
-            Some(fitted) => {
-                let scan = fitted.corrected.as_ref().unwrap_or(scan);
-                self.edges.measure(scan, &mut self.lines);
-                self.lines.set_motion(fitted.motion);
-            }
-            None => self.without += 1,
+        let fitted = self.deskew.fit(&mut self.fit, scan, &mut self.lines)?;
+        let before = fitted.as_ref().and_then(|fitted| fitted.before);
+        self.let_go(before.as_ref(), emit)?;
+        let Some(fitted) = fitted else {
+            self.without += 1;
+            return emit.write(&self.lines);
+        };
+        measure(&mut self.edges, scan, &fitted, &mut self.lines);
+        if fitted.wait {
+            self.waiting = Some(Box::new((scan.clone(), self.lines.clone())));
+            return Ok(());
         }
         emit.write(&self.lines)
     }
 
-    fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+    fn finish(&mut self, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+        self.let_go(None, emit)?;
         if self.without > 0 {
             eprintln!(
                 "extract-lines: no reflectors in {} of {} scans",
