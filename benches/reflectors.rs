@@ -6,13 +6,14 @@
 
 use cablepose::frame::Frame;
 use cablepose::lines::reflectors::{Options, ReflectorFit};
-use cablepose::record::{Scan, Stamp};
+use cablepose::motion::{LineFit, SelfMotion};
+use cablepose::record::{ReflectorLines, Scan, Stamp};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Normal};
-use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 use std::path::Path;
+use std::time::Instant;
 
 const ROUNDS: usize = 30;
 
@@ -25,36 +26,52 @@ fn main() {
         track: false,
         ..tracking
     };
-    for (name, options) in [("cold", cold), ("tracked", tracking)] {
-        let mut fit = ReflectorFit::new(&frame, options);
-        let mut found = 0;
-        let seconds = best(|| {
-            found = 0;
-            for scan in &scans {
-                found += usize::from(fit.fit(black_box(scan)).is_some());
+    for (name, options, deskew) in [
+        ("cold", cold, false),
+        ("tracked", tracking, false),
+        ("tracked, deskewed", tracking, true),
+    ] {
+        let seconds = best(scans.len(), || {
+            let mut fit = ReflectorFit::new(&frame, options);
+            let mut own = SelfMotion::new(frame.bounds.dy_m);
+            let (mut scans, mut lines) = (scans.iter(), ReflectorLines::default());
+            move || {
+                let Some(scan) = scans.next() else { return };
+                let found = if deskew {
+                    lines.begin(scan);
+                    own.take(lines.stamp, |motion| {
+                        let joint = fit.fit_moving(black_box(scan), motion)?;
+                        Some(LineFit {
+                            lines: joint.lines,
+                            seen: joint.seen(&options),
+                            covariance: joint.covariance,
+                            sensitivity: joint.sensitivity,
+                        })
+                    })
+                    .is_some()
+                } else {
+                    fit.fit(black_box(scan)).is_some()
+                };
+                assert!(black_box(found), "lines in every scan");
             }
         });
-        let us = 1e6 * seconds / scans.len() as f64;
-        println!(
-            "reflectors {name:12} {us:8.2} us a scan   {found} of {}",
-            scans.len()
-        );
+        println!("reflectors {name:18} {:8.2} us a scan", 1e6 * seconds);
     }
 }
 
-/// The best time of some rounds, s of this thread's own time: other work on the machine does not
-/// count.
-fn best(mut work: impl FnMut()) -> f64 {
-    let now = || {
-        let time = clock_gettime(ClockId::ThreadCPUTime);
-        time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
-    };
-    let rounds = (0..ROUNDS).map(|_| {
-        let start = now();
-        work();
-        now() - start
-    });
-    rounds.fold(f64::INFINITY, f64::min)
+/// Mean time of a scan, s: of each scan the best of some rounds, so that other work on the machine
+/// counts as little as possible.
+fn best<F: FnMut()>(scans: usize, mut round: impl FnMut() -> F) -> f64 {
+    let mut least = vec![f64::INFINITY; scans];
+    for _ in 0..ROUNDS {
+        let mut work = round();
+        for least in &mut least {
+            let start = Instant::now();
+            work();
+            *least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    least.iter().sum::<f64>() / scans as f64
 }
 
 /// Scans along the diagonal, there and no further.

@@ -54,8 +54,9 @@ const TRACK_GATES_M: [f64; 1] = [0.08];
 /// A scan that is later than this is not where the motion of the one before leads, s.
 const LONGEST_STEP_S: f64 = 0.2;
 /// Passes with the fit's own weights: until one moves the estimate by less than this, squared and
-/// in units of its own uncertainty (reweighting converges by a factor of ten a pass) ...
-const SMALL_STEP2: f64 = 0.02;
+/// in units of its own uncertainty (reweighting converges by a factor of ten a pass, so that a
+/// twentieth of the uncertainty is left, which costs an eighth of a per cent of it) ...
+const SMALL_STEP2: f64 = 0.25;
 /// ... but as many at most.
 const FINAL_PASSES: usize = 5;
 /// Sigma is never taken smaller than this (quantisation of the ranges), m.

@@ -74,8 +74,9 @@ const JERK_PSD: [f64; 3] = [60.0, 60.0, 40.0];
 const START_VELOCITY: [f64; 3] = [1.5, 1.5, 0.3];
 /// ... and of the acceleration, m/s^2 and rad/s^2.
 const START_ACCELERATION: [f64; 3] = [3.0, 3.0, 3.0];
-/// Of the place before the first scan, m and rad.
-const START_PLACE: [f64; 3] = [1.0, 1.0, 0.3];
+/// Of the place that the first scan's lines show by themselves: so wide that it says nothing, m and
+/// rad.
+const START_PLACE: [f64; 3] = [0.1, 0.1, 0.01];
 /// After a pause as long as this nothing is known of the motion, s.
 const FORGET_S: f64 = 1.0;
 /// Squared distance of a scan from what was expected, in units of its covariance and with six
@@ -201,7 +202,10 @@ impl SelfMotion {
         let expected = self.belief.zip(span_s).and_then(|(belief, span_s)| {
             // A stamp that does not go on leaves what is known as it is.
             let near = span_s.abs() <= FORGET_S;
-            near.then(|| belief.after(span_s.max(0.0)))
+            near.then(|| Belief {
+                stamp,
+                ..belief.after(span_s.max(0.0))
+            })
         });
         let assumed = expected.map_or(ScanMotion::REST, |belief| belief.motion());
         let first = fit(assumed)?;
@@ -211,10 +215,8 @@ impl SelfMotion {
         if let Some(expected) = expected {
             let update = expected.update(self.dy_m, &first, assumed);
             if let Some(update) = update.filter(|update| update.distance <= GATE) {
-                let mut prior = expected;
-                prior.stamp = stamp;
                 let keep = span_s.is_some_and(|s| s > 0.0);
-                return self.settle(prior, update, first, assumed, fit, keep.then_some(None));
+                return self.settle(expected, update, first, assumed, fit, keep.then_some(None));
             }
         }
         let mut start = Belief::at(self.dy_m, stamp, &first);
