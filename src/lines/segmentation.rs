@@ -46,6 +46,9 @@ pub struct SegmentationOptions {
     pub spike_sigmas: f64,
     /// Ranges beyond this are no return, m (besides the scan's own limits).
     pub max_range_m: f64,
+    /// Whether a surface that a scanner sees with its last and its first beams, all round, is cut
+    /// there in two.
+    pub cut_at_seam: bool,
 }
 
 impl Default for SegmentationOptions {
@@ -58,6 +61,7 @@ impl Default for SegmentationOptions {
             edge_m: 0.3,
             spike_sigmas: 6.0,
             max_range_m: f64::INFINITY,
+            cut_at_seam: false,
         }
     }
 }
@@ -88,7 +92,7 @@ impl Returns {
     /// Takes in a scan.
     pub fn read(&mut self, scan: &Scan, options: &SegmentationOptions) {
         self.directions.fit(scan);
-        self.all_round = sees_all_round(scan);
+        self.all_round = sees_all_round(scan) && !options.cut_at_seam;
         self.collect(scan, options);
         let rule = BreakRule::new(scan, options);
         self.drop_spikes(&rule, options);

@@ -38,6 +38,9 @@ pub(super) struct GeneralArgs {
     /// What counts as a jump between two surfaces [default: adaptive]
     #[arg(long, value_enum, value_name = "RULE")]
     segment: Option<Segmentation>,
+    /// What becomes of a wall through the first and last beam of an all-round scan [default: join]
+    #[arg(long, value_enum, value_name = "WHAT")]
+    seam: Option<Seam>,
     /// What a line is fitted by [default: ml]
     #[arg(long, value_enum, value_name = "ESTIMATOR")]
     fit: Option<Fit>,
@@ -69,6 +72,14 @@ enum Segmentation {
     Adaptive,
     /// A point further off than the line expected there would put it (Kurniawan 2017, eq. 4.19)
     Reflector,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Seam {
+    /// It is one line
+    Join,
+    /// It is cut in two
+    Cut,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -104,6 +115,7 @@ impl GeneralArgs {
             (self.max_gap_m.is_some(), "--max-gap-m"),
             (self.cluster.is_some(), "--cluster"),
             (self.segment.is_some(), "--segment"),
+            (self.seam.is_some(), "--seam"),
             (self.fit.is_some(), "--fit"),
             (self.axis.is_some(), "--axis"),
             (self.loss.is_some(), "--loss"),
@@ -152,6 +164,7 @@ impl GeneralArgs {
                 cut,
                 sigma_m: self.sigma_mm.unwrap_or(6.5) / 1000.0,
                 max_gap_m: self.max_gap_m.unwrap_or(0.5),
+                cut_at_seam: self.seam == Some(Seam::Cut),
                 ..default.segmentation
             },
             estimator,
