@@ -9,6 +9,7 @@ mod office;
 
 use cablepose::lines::extractor::{Extractor, ExtractorOptions};
 use cablepose::lines::fit::{self, Beams, Loss};
+use cablepose::lines::ml::{Ml, MlOptions};
 use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::record::Scan;
 use office::Office;
@@ -30,13 +31,22 @@ fn methods(sigma_m: f64) -> Vec<(&'static str, Box<dyn Extractor>)> {
     common.segmentation.sigma_m = sigma_m;
     // The truth of the all-round set has a wall through the seam as two.
     common.segmentation.cut_at_seam = true;
-    vec![(
-        "split-and-merge",
-        Box::new(SplitAndMerge::new(SplitAndMergeOptions {
-            common,
-            ..SplitAndMergeOptions::default()
-        })),
-    )]
+    vec![
+        (
+            "split-and-merge",
+            Box::new(SplitAndMerge::new(SplitAndMergeOptions {
+                common,
+                ..SplitAndMergeOptions::default()
+            })),
+        ),
+        (
+            "ml",
+            Box::new(Ml::new(MlOptions {
+                common,
+                ..MlOptions::default()
+            })),
+        ),
+    ]
 }
 
 fn main() {

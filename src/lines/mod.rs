@@ -8,11 +8,15 @@
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
+//! - [`ml`] the most likely partition into runs
+//! - [`runs`] runs of beams joined where one line explains them together
 //! - [`assembly`] segments from beams on one line each
 
 pub mod assembly;
 pub mod extractor;
 pub mod fit;
+pub mod ml;
 pub mod reflectors;
+pub mod runs;
 pub mod segmentation;
 pub mod split_and_merge;

@@ -1,6 +1,6 @@
 //! The closed form: `1/r = A cos(theta) + B sin(theta)` by six sums.
 
-use super::DEGENERATE;
+use super::{BeamSlice, DEGENERATE};
 use crate::record::NormalLine;
 
 /// A line as `A y + B z = 1`: A = cos(alpha) / d, B = sin(alpha) / d, in 1/m.
@@ -24,7 +24,28 @@ impl InverseLine {
     pub fn residual_m(self, range_m: f64, y_m: f64, z_m: f64) -> f64 {
         range_m * (self.a * y_m + self.b * z_m - 1.0)
     }
+
+    /// Largest residual of all beams to first order, m. In lanes, so that it goes through vector
+    /// registers.
+    pub fn largest_residual_m(self, beams: BeamSlice<'_>) -> f64 {
+        let mut largest = [0.0f64; LANES];
+        let (r4, r_rest) = beams.range_m.as_chunks::<LANES>();
+        let (y4, y_rest) = beams.y_m.as_chunks::<LANES>();
+        let (z4, z_rest) = beams.z_m.as_chunks::<LANES>();
+        for ((r, y), z) in r4.iter().zip(y4).zip(z4) {
+            for lane in 0..LANES {
+                let e = self.residual_m(r[lane], y[lane], z[lane]).abs();
+                largest[lane] = if e > largest[lane] { e } else { largest[lane] };
+            }
+        }
+        for ((r, y), z) in r_rest.iter().zip(y_rest).zip(z_rest) {
+            largest[0] = largest[0].max(self.residual_m(*r, *y, *z).abs());
+        }
+        largest.iter().fold(0.0, |a, b| a.max(*b))
+    }
 }
+
+const LANES: usize = 4;
 
 /// Weighted sums of the 1/r problem over a set of beams. Sums of disjoint sets add up.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,6 +98,12 @@ impl InverseRangeSums {
             z: self.z - other.z,
             one: self.one - other.one,
         }
+    }
+
+    /// The sums of y^2, y z, z^2, y, z and 1, all with their weights.
+    #[inline]
+    pub fn parts(&self) -> [f64; 6] {
+        [self.yy, self.yz, self.zz, self.y, self.z, self.one]
     }
 
     /// The best line; none for fewer than two directions.
