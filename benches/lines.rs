@@ -9,6 +9,9 @@ mod office;
 
 use cablepose::lines::extractor::{Extractor, ExtractorOptions};
 use cablepose::lines::fit::{self, Beams, Loss};
+use cablepose::lines::iepf::{Iepf, IepfOptions};
+use cablepose::lines::incremental::{Incremental, IncrementalOptions};
+use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
 use cablepose::lines::ml::{Ml, MlOptions};
 use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::record::Scan;
@@ -37,6 +40,27 @@ fn methods(sigma_m: f64) -> Vec<(&'static str, Box<dyn Extractor>)> {
             Box::new(SplitAndMerge::new(SplitAndMergeOptions {
                 common,
                 ..SplitAndMergeOptions::default()
+            })),
+        ),
+        (
+            "iepf",
+            Box::new(Iepf::new(IepfOptions {
+                common,
+                ..IepfOptions::default()
+            })),
+        ),
+        (
+            "incremental",
+            Box::new(Incremental::new(IncrementalOptions {
+                common,
+                ..IncrementalOptions::default()
+            })),
+        ),
+        (
+            "line-regression",
+            Box::new(LineRegression::new(LineRegressionOptions {
+                common,
+                ..LineRegressionOptions::default()
             })),
         ),
         (

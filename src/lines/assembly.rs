@@ -5,13 +5,15 @@
 
 use super::extractor::{ExtractorOptions, Fate};
 use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
+use super::runs::Runs;
 use super::segmentation::Returns;
 use crate::record::{NormalLine, Scan, Segment, Stamp};
 use std::ops::Range;
 
 /// Makes a scan's segments; keeps its buffers from scan to scan.
 ///
-/// [`Assembly::begin`] with the scan's returns, [`Assembly::add`] once a line, [`Assembly::end`].
+/// [`Assembly::begin`] with the scan's returns, [`Assembly::add`] once a line, [`Assembly::end`];
+/// or [`Assembly::add_all`] where there are [`Runs`].
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     /// The beams of the line at hand, and where they are among the returns.
@@ -25,6 +27,23 @@ pub struct Assembly {
 }
 
 impl Assembly {
+    /// Makes the segments of a scan from its chains of runs, in place of what `out` held.
+    pub fn add_all(
+        &mut self,
+        scan: &Scan,
+        returns: &Returns,
+        runs: &Runs,
+        options: &ExtractorOptions,
+        out: &mut Vec<Segment>,
+    ) {
+        out.clear();
+        self.begin(scan, returns, options);
+        for (line, chain) in runs.chains() {
+            self.add(returns, chain, line, options, out);
+        }
+        self.end(out);
+    }
+
     /// Begins a scan whose returns have been read; forgets the one before.
     pub fn begin(&mut self, scan: &Scan, returns: &Returns, options: &ExtractorOptions) {
         self.stamp = scan.stamp;

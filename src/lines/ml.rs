@@ -21,7 +21,7 @@
 
 use super::assembly::Assembly;
 use super::extractor::{Extractor, ExtractorOptions, Fate};
-use super::fit::{BeamSlice, DEGENERATE, InverseRangeSums};
+use super::fit::{BeamSlice, DEGENERATE, InverseRangeSums, PrefixSums};
 use super::runs::{MergeRule, Runs};
 use super::segmentation::Returns;
 use crate::record::{NormalLine, Scan, Segment};
@@ -53,7 +53,7 @@ impl Default for MlOptions {
             clutter_cost: 9.0,
             min_run: 3,
             merge_chi2: 13.8,
-            flatness_m: 0.0,
+            flatness_m: 0.011,
         }
     }
 }
@@ -81,7 +81,6 @@ impl Ml {
 
 impl Extractor for Ml {
     fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
         let options = self.options.common;
         self.returns.read(scan, &options.segmentation);
         self.runs.clear();
@@ -99,20 +98,13 @@ impl Extractor for Ml {
                 self.runs.push(from + a, from + b, sums);
             }
         }
-        self.runs.merge(
-            &self.returns,
-            &MergeRule {
-                chi2: self.options.merge_chi2,
-                sigma_m,
-                max_gap_m: options.segmentation.max_gap_m,
-                step_rad: scan.angle_increment_rad.abs(),
-            },
-        );
-        self.assembly.begin(scan, &self.returns, &options);
-        for (line, runs) in self.runs.chains() {
-            self.assembly.add(&self.returns, runs, line, &options, out);
-        }
-        self.assembly.end(out);
+        let rule = MergeRule {
+            sigma_m,
+            ..MergeRule::new(self.options.merge_chi2, &options, scan)
+        };
+        self.runs.merge(&self.returns, &rule);
+        self.assembly
+            .add_all(scan, &self.returns, &self.runs, &options, out);
     }
 
     fn fates(&self) -> &[Fate] {
@@ -144,8 +136,7 @@ impl Costs {
 /// The cheapest partition of a group.
 #[derive(Clone, Debug, Default)]
 struct Partition {
-    /// Sums over the beams before each beam.
-    prefix: Vec<InverseRangeSums>,
+    prefix: PrefixSums,
     /// F: least cost of the first t beams.
     least: Vec<f64>,
     /// Where the last line of that partition starts; the beam before t is clutter where it is t.
@@ -157,13 +148,7 @@ struct Partition {
 impl Partition {
     fn find(&mut self, group: BeamSlice<'_>, costs: &Costs) {
         let n = group.len();
-        self.prefix.clear();
-        let mut sums = InverseRangeSums::default();
-        self.prefix.push(sums);
-        for (range_m, y_m, z_m) in group.iter() {
-            sums.add(range_m, y_m, z_m, 1.0);
-            self.prefix.push(sums);
-        }
+        self.prefix.read(group);
         self.least.clear();
         self.least.push(0.0);
         self.start.clear();
@@ -173,7 +158,7 @@ impl Partition {
             let mut best = self.least[t - 1] + costs.clutter;
             let mut from = t as u32;
             if let Some(j) = t.checked_sub(costs.min_run) {
-                self.candidates.add(j, &self.prefix[j], self.least[j]);
+                self.candidates.add(j, self.prefix.before(j), self.least[j]);
                 let (value, at) = self.candidates.least_at(t, &self.prefix, best, costs);
                 if value + costs.line < best {
                     best = value + costs.line;
@@ -201,7 +186,7 @@ impl Partition {
     fn lines(&self) -> impl Iterator<Item = (usize, usize, InverseRangeSums)> + '_ {
         self.lines.iter().rev().map(|(from, to)| {
             let (from, to) = (*from as usize, *to as usize);
-            (from, to, self.prefix[to].minus(&self.prefix[from]))
+            (from, to, self.prefix.between(from, to))
         })
     }
 }
@@ -266,16 +251,9 @@ impl Candidates {
     }
 
     /// Least V at `t`, and whose it is; something larger where a line cannot beat `best` anyway.
-    fn least_at(
-        &mut self,
-        t: usize,
-        prefix: &[InverseRangeSums],
-        best: f64,
-        costs: &Costs,
-    ) -> (f64, u32) {
+    fn least_at(&mut self, t: usize, prefix: &PrefixSums, best: f64, costs: &Costs) -> (f64, u32) {
         self.fresh = false;
-        let sums = &prefix[t];
-        let run = |from: usize| sums.minus(&prefix[from]).cost_m2() * costs.per_m2;
+        let run = |from: usize| prefix.cost_m2(from, t) * costs.per_m2;
         let leader = self.at[self.leader];
         let lead = self.least[self.leader] + run(leader as usize);
         // Rounding may make a bound a little too high.
@@ -301,7 +279,7 @@ impl Candidates {
                 return (lead, leader);
             }
         }
-        self.look_at_all(t, sums, costs.per_m2);
+        self.look_at_all(t, prefix.before(t), costs.per_m2);
         (self.value[self.leader], self.at[self.leader])
     }
 

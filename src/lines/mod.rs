@@ -8,6 +8,7 @@
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
+//! - [`iepf`], [`incremental`], [`line_regression`] the classical ways to the same
 //! - [`ml`] the most likely partition into runs
 //! - [`runs`] runs of beams joined where one line explains them together
 //! - [`assembly`] segments from beams on one line each
@@ -15,6 +16,9 @@
 pub mod assembly;
 pub mod extractor;
 pub mod fit;
+pub mod iepf;
+pub mod incremental;
+pub mod line_regression;
 pub mod ml;
 pub mod reflectors;
 pub mod runs;

@@ -1,7 +1,9 @@
 //! Runs of beams on one line each, joined to chains where one line explains them together.
 
-use super::fit::{InverseLine, InverseRangeSums};
+use super::extractor::ExtractorOptions;
+use super::fit::{InverseLine, InverseRangeSums, PrefixSums};
 use super::segmentation::Returns;
+use crate::record::Scan;
 use std::ops::Range;
 
 /// Beams on one line; a chain of runs where something stands in front of it.
@@ -54,6 +56,18 @@ pub struct MergeRule {
     pub step_rad: f64,
 }
 
+impl MergeRule {
+    /// Joins what chi-square allows at the noise and gap of `options`.
+    pub fn new(chi2: f64, options: &ExtractorOptions, scan: &Scan) -> MergeRule {
+        MergeRule {
+            chi2,
+            sigma_m: options.segmentation.sigma_m,
+            max_gap_m: options.segmentation.max_gap_m,
+            step_rad: scan.angle_increment_rad.abs(),
+        }
+    }
+}
+
 /// A scan's runs in beam order.
 #[derive(Clone, Debug, Default)]
 pub struct Runs {
@@ -90,6 +104,42 @@ impl Runs {
     /// Changes a run that has not been joined to any.
     pub fn replace(&mut self, index: usize, from: usize, to: usize, sums: InverseRangeSums) {
         self.list[index] = Run::new(from, to, sums, index);
+    }
+
+    /// Moves the borders between the runs from `first_run` on, which touch each other and lie in
+    /// one group starting at `offset`, to where both sides fit best.
+    pub fn settle_borders(&mut self, first_run: usize, offset: usize, prefix: &PrefixSums) {
+        for index in first_run + 1..self.list.len() {
+            let (before, after) = (self.list[index - 1], self.list[index]);
+            let (a, b) = (before.from - offset, after.to - offset);
+            let start = after.from - offset;
+            let cost_m2 = |k: usize| prefix.cost_m2(a, k) + prefix.cost_m2(k, b);
+            let mut border = start;
+            let mut best_m2 = before.cost_m2 + after.cost_m2;
+            for step in [-1isize, 1] {
+                let mut tried = border;
+                let mut patience = BORDER_PATIENCE;
+                while patience > 0 {
+                    tried = tried.wrapping_add_signed(step);
+                    if tried <= a || tried >= b {
+                        break;
+                    }
+                    let here_m2 = cost_m2(tried);
+                    if here_m2 < best_m2 {
+                        best_m2 = here_m2;
+                        border = tried;
+                        patience = BORDER_PATIENCE;
+                    } else {
+                        patience -= 1;
+                    }
+                }
+            }
+            if border != start {
+                let (left, right) = (prefix.between(a, border), prefix.between(border, b));
+                self.replace(index - 1, before.from, offset + border, left);
+                self.replace(index, offset + border, after.to, right);
+            }
+        }
     }
 
     /// The chains: the line of each, and the beams of its runs.
@@ -179,5 +229,7 @@ impl Runs {
     }
 }
 
+/// Beams without a gain after which a border stays.
+const BORDER_PATIENCE: usize = 3;
 /// Beams that one of two runs must have before they may be merged.
 const MERGE_EVIDENCE: usize = 4;

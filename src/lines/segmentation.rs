@@ -56,10 +56,10 @@ impl Default for SegmentationOptions {
         SegmentationOptions {
             cut: Cut::default(),
             sigma_m: 0.0065,
-            breakpoint_angle_rad: 10f64.to_radians(),
+            breakpoint_angle_rad: 5f64.to_radians(),
             max_gap_m: 0.5,
             edge_m: 0.3,
-            spike_sigmas: 6.0,
+            spike_sigmas: 12.0,
             max_range_m: f64::INFINITY,
             cut_at_seam: false,
         }

@@ -9,10 +9,10 @@
 
 use super::assembly::Assembly;
 use super::extractor::{Extractor, ExtractorOptions, Fate};
-use super::fit::{BeamSlice, InverseRangeSums};
+use super::fit::{BeamSlice, PrefixSums};
 use super::runs::{MergeRule, Runs};
 use super::segmentation::Returns;
-use crate::record::{Scan, Segment};
+use crate::record::{NormalLine, Scan, Segment};
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +46,7 @@ pub struct SplitAndMerge {
     /// The settings; may be changed between scans.
     pub options: SplitAndMergeOptions,
     returns: Returns,
-    /// Sums over a group's beams before each beam.
-    prefix: Vec<InverseRangeSums>,
+    prefix: PrefixSums,
     pending: Vec<(usize, usize)>,
     runs: Runs,
     assembly: Assembly,
@@ -55,28 +54,21 @@ pub struct SplitAndMerge {
 
 impl Extractor for SplitAndMerge {
     fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
         let options = self.options.common;
         self.returns.read(scan, &options.segmentation);
         self.split();
-        self.runs.merge(
-            &self.returns,
-            &MergeRule {
-                chi2: self.options.merge_chi2,
-                sigma_m: options.segmentation.sigma_m,
-                max_gap_m: options.segmentation.max_gap_m,
-                step_rad: scan.angle_increment_rad.abs(),
-            },
-        );
-        self.assembly.begin(scan, &self.returns, &options);
-        for (line, runs) in self.runs.chains() {
-            self.assembly.add(&self.returns, runs, line, &options, out);
-        }
-        self.assembly.end(out);
+        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
+        self.runs.merge(&self.returns, &rule);
+        self.assembly
+            .add_all(scan, &self.returns, &self.runs, &options, out);
     }
 
     fn fates(&self) -> &[Fate] {
         self.assembly.fates()
+    }
+
+    fn expect(&mut self, lines: &[NormalLine]) {
+        self.returns.expect(lines);
     }
 }
 
@@ -100,13 +92,7 @@ impl SplitAndMerge {
 
     fn split_group(&mut self, returns: &Returns, from: usize, to: usize) {
         let group = returns.beams().run(from, to);
-        self.prefix.clear();
-        let mut sums = InverseRangeSums::default();
-        self.prefix.push(sums);
-        for (range_m, y_m, z_m) in group.iter() {
-            sums.add(range_m, y_m, z_m, 1.0);
-            self.prefix.push(sums);
-        }
+        self.prefix.read(group);
         let first_run = self.runs.len();
         self.pending.clear();
         self.pending.push((0, to - from));
@@ -121,18 +107,12 @@ impl SplitAndMerge {
                     self.pending.push((a, border));
                 }
                 None => {
-                    let sums = self.sums(a, b);
+                    let sums = self.prefix.between(a, b);
                     self.runs.push(from + a, from + b, sums);
                 }
             }
         }
-        self.settle_borders(first_run, from);
-    }
-
-    /// Sums over beams `a..b` of the current group.
-    #[inline]
-    fn sums(&self, a: usize, b: usize) -> InverseRangeSums {
-        self.prefix[b].minus(&self.prefix[a])
+        self.runs.settle_borders(first_run, from, &self.prefix);
     }
 
     /// Where to split `a..b` because a beam is too far off its line: at the beam farthest from the
@@ -141,7 +121,7 @@ impl SplitAndMerge {
         if b - a < 3 {
             return None;
         }
-        let line = self.sums(a, b).line()?;
+        let line = self.prefix.between(a, b).line()?;
         let run = group.run(a, b);
         let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
         if line.largest_residual_m(run) <= limit_m {
@@ -159,63 +139,25 @@ impl SplitAndMerge {
             return None;
         }
         let variance_m2 = self.options.common.segmentation.sigma_m.powi(2);
-        let whole_m2 = self.sums(a, b).cost_m2();
+        let whole_m2 = self.prefix.cost_m2(a, b);
         let bound_m2 = whole_m2 - self.options.split_chi2 * variance_m2;
         if bound_m2 <= 0.0 {
             return None;
         }
-        let halves_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
+        let halves_m2 = |k: usize| self.prefix.cost_m2(a, k) + self.prefix.cost_m2(k, b);
         let (border, cost_m2) = (a + side..=b - side)
             .step_by(COARSE_STEP)
             .map(|k| (k, halves_m2(k)))
             .min_by(|x, y| x.1.total_cmp(&y.1))?;
         (cost_m2 < bound_m2).then_some(border)
     }
-
-    /// Moves the borders between neighbouring runs of a group to where both sides fit best.
-    fn settle_borders(&mut self, first_run: usize, offset: usize) {
-        for index in first_run + 1..self.runs.len() {
-            let (before, after) = (*self.runs.get(index - 1), *self.runs.get(index));
-            let (a, b) = (before.from - offset, after.to - offset);
-            let start = after.from - offset;
-            let cost_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
-            let mut border = start;
-            let mut best_m2 = before.cost_m2 + after.cost_m2;
-            for step in [-1isize, 1] {
-                let mut tried = border;
-                let mut patience = BORDER_PATIENCE;
-                while patience > 0 {
-                    tried = tried.wrapping_add_signed(step);
-                    if tried <= a || tried >= b {
-                        break;
-                    }
-                    let here_m2 = cost_m2(tried);
-                    if here_m2 < best_m2 {
-                        best_m2 = here_m2;
-                        border = tried;
-                        patience = BORDER_PATIENCE;
-                    } else {
-                        patience -= 1;
-                    }
-                }
-            }
-            if border != start {
-                let (left, right) = (self.sums(a, border), self.sums(border, b));
-                self.runs
-                    .replace(index - 1, before.from, offset + border, left);
-                self.runs.replace(index, offset + border, after.to, right);
-            }
-        }
-    }
 }
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
-/// Beams without a gain after which a border stays.
-const BORDER_PATIENCE: usize = 3;
 
 /// Index of the beam farthest from the chord between the run's first and last point.
-fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
+pub(super) fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
     let last = run.len().saturating_sub(1);
     let (y0, z0) = (run.y_m[0], run.z_m[0]);
     let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);

@@ -25,7 +25,7 @@ mod tests;
 pub use cartesian::Axis;
 pub use loss::Loss;
 pub use range::fit_from;
-pub use sums::{InverseLine, InverseRangeSums};
+pub use sums::{InverseLine, InverseRangeSums, PrefixSums};
 
 use crate::record::FittedLine;
 

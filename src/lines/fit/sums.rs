@@ -142,3 +142,41 @@ impl FromIterator<(f64, f64, f64)> for InverseRangeSums {
         sums
     }
 }
+
+/// Sums over the beams before each beam of a group: those of any run in O(1).
+#[derive(Clone, Debug, Default)]
+pub struct PrefixSums {
+    before: Vec<InverseRangeSums>,
+}
+
+impl PrefixSums {
+    /// Takes in a group, in place of the one before. Sums start anew with every group, because the
+    /// weights of near and far surfaces differ by many decades.
+    pub fn read(&mut self, group: BeamSlice<'_>) {
+        self.before.clear();
+        let mut sums = InverseRangeSums::default();
+        self.before.push(sums);
+        self.before.extend(group.iter().map(|(range_m, y_m, z_m)| {
+            sums.add(range_m, y_m, z_m, 1.0);
+            sums
+        }));
+    }
+
+    /// Sums over the beams before `to`.
+    #[inline]
+    pub fn before(&self, to: usize) -> &InverseRangeSums {
+        &self.before[to]
+    }
+
+    /// Sums over beams `from..to`.
+    #[inline]
+    pub fn between(&self, from: usize, to: usize) -> InverseRangeSums {
+        self.before[to].minus(&self.before[from])
+    }
+
+    /// Sum of squared residuals of the best line through beams `from..to`, m^2.
+    #[inline]
+    pub fn cost_m2(&self, from: usize, to: usize) -> f64 {
+        self.between(from, to).cost_m2()
+    }
+}
