@@ -6,7 +6,8 @@
 //! platform.
 
 pub mod alignment;
-mod interval;
+pub mod gaussian;
+pub mod interval;
 pub mod joint;
 pub mod pitch;
 pub mod vote;

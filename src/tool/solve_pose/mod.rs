@@ -7,7 +7,7 @@ mod attitude;
 pub use arguments::{Args, Method};
 
 use crate::frame::Frame;
-use crate::pose::joint;
+use crate::pose::joint::{self, Estimator};
 use crate::pose::pitch;
 use crate::pose::vote;
 use crate::record::{ImuSample, Pose, ReflectorLines};
@@ -30,6 +30,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         .align_imu
         .map(|path| Align::new(path, text, x_constant, options.quiet));
     let mut stage = Solve {
+        joint: Estimator::new(&frame, joint::Options::default()),
         frame,
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
@@ -44,6 +45,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 struct Solve {
     frame: Frame,
     method: Method,
+    joint: Estimator,
     attitude: AttitudeSource,
     align: Option<Align>,
     solved: u64,
@@ -58,10 +60,8 @@ impl Stage for Solve {
         let attitude = self.attitude.attitude(lines, &self.frame)?;
         let pitch = self.attitude.pitch(attitude.as_ref());
         let changes_rad = &self.attitude.changes_rad;
-        let solve = |pitch| {
-            let options = joint::Options::default();
-            joint::solve_pitching(lines, &self.frame, pitch, changes_rad, &options)
-        };
+        let joint = &mut self.joint;
+        let mut solve = |pitch| joint.solve(lines, pitch, changes_rad);
         let pose = match self.method {
             Method::Joint => solve(pitch),
             Method::Vote => {
