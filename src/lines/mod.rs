@@ -10,6 +10,7 @@
 //! - [`split_and_merge`] runs of beams on one line each
 //! - [`iepf`], [`incremental`], [`line_regression`] the classical ways to the same
 //! - [`ml`] the most likely partition into runs
+//! - [`known_lines`] a second look at a scan, with the lines of the first
 //! - [`runs`] runs of beams joined where one line explains them together
 //! - [`assembly`] segments from beams on one line each
 
@@ -18,6 +19,7 @@ pub mod extractor;
 pub mod fit;
 pub mod iepf;
 pub mod incremental;
+pub mod known_lines;
 pub mod line_regression;
 pub mod ml;
 pub mod reflectors;

@@ -3,9 +3,14 @@
 use super::{Method, positive};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
+use crate::lines::iepf::{Iepf, IepfOptions};
+use crate::lines::incremental::{Incremental, IncrementalOptions};
+use crate::lines::known_lines::SecondLook;
+use crate::lines::line_regression::{LineRegression, LineRegressionOptions};
+use crate::lines::ml::{Ml, MlOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{Scan, Segment};
+use crate::record::{BeamFate, Scan, Segment};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
 use std::path::Path;
 
@@ -50,6 +55,12 @@ pub(super) struct GeneralArgs {
     /// What large residuals count for in the fit [default: none]
     #[arg(long, value_enum, value_name = "LOSS")]
     loss: Option<LossName>,
+    /// How uneven a wall may be and still be one line, for --method ml [default: 11]
+    #[arg(long, value_name = "MM", value_parser = not_negative)]
+    flatness_mm: Option<f64>,
+    /// Write what became of every beam, a row a beam, instead of the lines
+    #[arg(long)]
+    explain: bool,
     /// Seed of the methods that draw at random [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -68,7 +79,7 @@ enum Segmentation {
     Jump,
     /// Successive edge following: neighbouring ranges that differ by more than 0.3 m
     Sef,
-    /// A point further off than a surface seen at 10 deg would put it (Borges and Aldon)
+    /// A point further off than a surface seen at 5 deg would put it (Borges and Aldon)
     Adaptive,
     /// A point further off than the line expected there would put it (Kurniawan 2017, eq. 4.19)
     Reflector,
@@ -119,6 +130,8 @@ impl GeneralArgs {
             (self.fit.is_some(), "--fit"),
             (self.axis.is_some(), "--axis"),
             (self.loss.is_some(), "--loss"),
+            (self.flatness_mm.is_some(), "--flatness-mm"),
+            (self.explain, "--explain"),
             (self.seed.is_some(), "--seed"),
         ];
         options
@@ -172,6 +185,7 @@ impl GeneralArgs {
             min_points: self.min_points.map_or(default.min_points, |n| n as usize),
             min_length_m: self.min_length_m.unwrap_or(default.min_length_m),
             seed: self.seed.unwrap_or(default.seed),
+            explain: self.explain,
             ..default
         })
     }
@@ -179,11 +193,52 @@ impl GeneralArgs {
     /// The extractor of a method; none for the reflectors, which are no general scene.
     fn extractor(&self, method: Method) -> Result<Box<dyn Extractor>, Fault> {
         let common = self.options()?;
+        let second = self.extractor_with(method, common)?;
+        if common.segmentation.cut != Cut::Reflector {
+            return Ok(second);
+        }
+        let mut first = common;
+        first.segmentation.cut = Cut::Adaptive;
+        let first = self.extractor_with(method, first)?;
+        Ok(Box::new(SecondLook::new(first, second)))
+    }
+
+    fn extractor_with(
+        &self,
+        method: Method,
+        common: ExtractorOptions,
+    ) -> Result<Box<dyn Extractor>, Fault> {
+        if self.flatness_mm.is_some() && method != Method::Ml {
+            let text = "--flatness-mm belongs to --method ml";
+            return Err(Fault::Usage(text.to_owned()));
+        }
         match method {
             Method::SplitAndMerge => Ok(Box::new(SplitAndMerge::new(SplitAndMergeOptions {
                 common,
                 ..SplitAndMergeOptions::default()
             }))),
+            Method::Iepf => Ok(Box::new(Iepf::new(IepfOptions {
+                common,
+                ..IepfOptions::default()
+            }))),
+            Method::Incremental => Ok(Box::new(Incremental::new(IncrementalOptions {
+                common,
+                ..IncrementalOptions::default()
+            }))),
+            Method::LineRegression => Ok(Box::new(LineRegression::new(LineRegressionOptions {
+                common,
+                ..LineRegressionOptions::default()
+            }))),
+            Method::Ml => {
+                let default = MlOptions::default();
+                Ok(Box::new(Ml::new(MlOptions {
+                    common,
+                    flatness_m: self
+                        .flatness_mm
+                        .map_or(default.flatness_m, |mm| mm / 1000.0),
+                    ..default
+                })))
+            }
             _ => {
                 let text = format!("--method {} cannot be used here", method.name());
                 Err(Fault::Usage(text))
@@ -199,11 +254,22 @@ pub(super) fn run(
     input: Option<&Path>,
     options: &Options,
 ) -> anyhow::Result<Outcome> {
-    let mut stage = General {
-        extractor: settings.extractor(method)?,
-        segments: Vec::new(),
-    };
-    stream::filter(options, input, &mut stage)
+    let extractor = settings.extractor(method)?;
+    let segments = Vec::new();
+    if settings.explain {
+        let mut stage = Explain {
+            extractor,
+            segments,
+            row: BeamFate::default(),
+        };
+        stream::filter(options, input, &mut stage)
+    } else {
+        let mut stage = General {
+            extractor,
+            segments,
+        };
+        stream::filter(options, input, &mut stage)
+    }
 }
 
 /// Scans in, the segments of each out.
@@ -226,5 +292,49 @@ impl Stage for General {
 
     fn finish(&mut self, _emit: &mut Emit<'_, Segment>) -> anyhow::Result<Outcome> {
         Ok(Outcome::Done)
+    }
+}
+
+/// Scans in, what became of each beam out.
+struct Explain {
+    extractor: Box<dyn Extractor>,
+    segments: Vec<Segment>,
+    row: BeamFate,
+}
+
+impl Stage for Explain {
+    type In = Scan;
+    type Out = BeamFate;
+
+    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<()> {
+        self.extractor.extract(scan, &mut self.segments);
+        (self.row.stamp, self.row.seq) = (scan.stamp, scan.seq);
+        for (beam, (fate, range_m)) in self
+            .extractor
+            .fates()
+            .iter()
+            .zip(scan.ranges_m.iter())
+            .enumerate()
+        {
+            self.row.beam = beam as u32;
+            self.row.angle_rad = scan.angle_rad(beam);
+            self.row.range_m = *range_m;
+            self.row.fate.clear();
+            self.row.fate.push_str(fate.name());
+            self.row.line = fate.line();
+            emit.write(&self.row)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<Outcome> {
+        Ok(Outcome::Done)
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number of at least 0 is wanted".to_owned()),
     }
 }
