@@ -12,16 +12,25 @@
 //! - [`ml`] the most likely partition into runs
 //! - [`known_lines`] a second look at a scan, with the lines of the first
 //! - [`runs`] runs of beams joined where one line explains them together
+//! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken
+//! - [`pool`] those beams
 //! - [`assembly`] segments from beams on one line each
+//!
+//! [`dissertation`] goes Kurniawan's way to a frame's three lines and the ends of its strips.
 
 pub mod assembly;
+pub mod dissertation;
+pub mod em;
 pub mod extractor;
 pub mod fit;
+pub mod hough;
 pub mod iepf;
 pub mod incremental;
 pub mod known_lines;
 pub mod line_regression;
 pub mod ml;
+pub mod pool;
+pub mod ransac;
 pub mod reflectors;
 pub mod runs;
 pub mod segmentation;

@@ -108,10 +108,7 @@ impl Returns {
             lines
                 .iter()
                 .filter(|line| line.d_m > 0.0 && line.alpha_rad.is_finite())
-                .map(|line| InverseLine {
-                    a: line.alpha_rad.cos() / line.d_m,
-                    b: line.alpha_rad.sin() / line.d_m,
-                }),
+                .map(|line| InverseLine::from(*line)),
         );
     }
 

@@ -45,6 +45,17 @@ impl InverseLine {
     }
 }
 
+impl From<NormalLine> for InverseLine {
+    /// A line through the scanner has none; its values are infinite.
+    fn from(line: NormalLine) -> InverseLine {
+        let (sin, cos) = line.alpha_rad.sin_cos();
+        InverseLine {
+            a: cos / line.d_m,
+            b: sin / line.d_m,
+        }
+    }
+}
+
 const LANES: usize = 4;
 
 /// Weighted sums of the 1/r problem over a set of beams. Sums of disjoint sets add up.

@@ -1,17 +1,24 @@
 //! All lines of any scene: the options, the methods by name, and the stage.
 
+use super::strategy::{self, WindowArgs};
 use super::{Method, positive};
+use crate::lines::em::{Em, EmOptions};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
+use crate::lines::hough::{
+    FastHough, FastHoughOptions, Hough, HoughOptions, ModifiedHough, ModifiedHoughOptions,
+    WindowSize,
+};
 use crate::lines::iepf::{Iepf, IepfOptions};
 use crate::lines::incremental::{Incremental, IncrementalOptions};
 use crate::lines::known_lines::SecondLook;
 use crate::lines::line_regression::{LineRegression, LineRegressionOptions};
 use crate::lines::ml::{Ml, MlOptions};
+use crate::lines::ransac::{Ransac, RansacOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{BeamFate, Scan, Segment};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
+use crate::record::{BeamFate, NormalLine, Scan, Segment};
+use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
 use std::path::Path;
 
 /// Settings of the extractors for any scene.
@@ -191,15 +198,15 @@ impl GeneralArgs {
     }
 
     /// The extractor of a method; none for the reflectors, which are no general scene.
-    fn extractor(&self, method: Method) -> Result<Box<dyn Extractor>, Fault> {
+    fn extractor(&self, method: Method, window: WindowSize) -> Result<Box<dyn Extractor>, Fault> {
         let common = self.options()?;
-        let second = self.extractor_with(method, common)?;
+        let second = self.extractor_with(method, common, window)?;
         if common.segmentation.cut != Cut::Reflector {
             return Ok(second);
         }
         let mut first = common;
         first.segmentation.cut = Cut::Adaptive;
-        let first = self.extractor_with(method, first)?;
+        let first = self.extractor_with(method, first, window)?;
         Ok(Box::new(SecondLook::new(first, second)))
     }
 
@@ -207,11 +214,16 @@ impl GeneralArgs {
         &self,
         method: Method,
         common: ExtractorOptions,
+        window: WindowSize,
     ) -> Result<Box<dyn Extractor>, Fault> {
         if self.flatness_mm.is_some() && method != Method::Ml {
             let text = "--flatness-mm belongs to --method ml";
             return Err(Fault::Usage(text.to_owned()));
         }
+        let hough = HoughOptions {
+            common,
+            ..HoughOptions::default()
+        };
         match method {
             Method::SplitAndMerge => Ok(Box::new(SplitAndMerge::new(SplitAndMergeOptions {
                 common,
@@ -239,6 +251,23 @@ impl GeneralArgs {
                     ..default
                 })))
             }
+            Method::Hough => Ok(Box::new(Hough::new(hough))),
+            Method::FastHough => Ok(Box::new(FastHough::new(FastHoughOptions {
+                common,
+                ..FastHoughOptions::default()
+            }))),
+            Method::ModifiedHough => Ok(Box::new(ModifiedHough::new(ModifiedHoughOptions {
+                whole: hough,
+                window,
+            }))),
+            Method::Ransac => Ok(Box::new(Ransac::new(RansacOptions {
+                common,
+                ..RansacOptions::default()
+            }))),
+            Method::Em => Ok(Box::new(Em::new(EmOptions {
+                common,
+                ..EmOptions::default()
+            }))),
             _ => {
                 let text = format!("--method {} cannot be used here", method.name());
                 Err(Fault::Usage(text))
@@ -251,31 +280,56 @@ impl GeneralArgs {
 pub(super) fn run(
     method: Method,
     settings: &GeneralArgs,
+    windows: &WindowArgs,
     input: Option<&Path>,
     options: &Options,
 ) -> anyhow::Result<Outcome> {
-    let extractor = settings.extractor(method)?;
-    let segments = Vec::new();
+    let mut extractor = settings.extractor(method, windows.size())?;
+    if let Some(path) = &windows.predict {
+        extractor.expect(&predicted(path, options)?);
+    }
+    let mut stage = General {
+        extractor,
+        segments: Vec::new(),
+        follows: method == Method::ModifiedHough,
+        lines: Vec::new(),
+    };
     if settings.explain {
         let mut stage = Explain {
-            extractor,
-            segments,
+            general: stage,
             row: BeamFate::default(),
         };
-        stream::filter(options, input, &mut stage)
-    } else {
-        let mut stage = General {
-            extractor,
-            segments,
-        };
-        stream::filter(options, input, &mut stage)
+        return stream::filter(options, input, &mut stage);
     }
+    stream::filter(options, input, &mut stage)
+}
+
+/// The lines of the first scan in a file of segments.
+fn predicted(path: &Path, options: &Options) -> anyhow::Result<Vec<NormalLine>> {
+    let segments: Vec<Segment> = read_all(Some(path), &strategy::side(options))?;
+    let first = segments.first().map(|segment| segment.stamp);
+    let of_first = segments.iter().filter(|s| Some(s.stamp) == first);
+    Ok(of_first.map(|segment| segment.normal).collect())
 }
 
 /// Scans in, the segments of each out.
 struct General {
     extractor: Box<dyn Extractor>,
     segments: Vec<Segment>,
+    /// Whether a scan's lines are the prediction for the next.
+    follows: bool,
+    lines: Vec<NormalLine>,
+}
+
+impl General {
+    fn extract(&mut self, scan: &Scan) {
+        self.extractor.extract(scan, &mut self.segments);
+        if self.follows {
+            self.lines.clear();
+            self.lines.extend(self.segments.iter().map(|s| s.normal));
+            self.extractor.expect(&self.lines);
+        }
+    }
 }
 
 impl Stage for General {
@@ -283,7 +337,7 @@ impl Stage for General {
     type Out = Segment;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, Segment>) -> anyhow::Result<()> {
-        self.extractor.extract(scan, &mut self.segments);
+        self.extract(scan);
         for segment in &self.segments {
             emit.write(segment)?;
         }
@@ -297,8 +351,7 @@ impl Stage for General {
 
 /// Scans in, what became of each beam out.
 struct Explain {
-    extractor: Box<dyn Extractor>,
-    segments: Vec<Segment>,
+    general: General,
     row: BeamFate,
 }
 
@@ -307,15 +360,10 @@ impl Stage for Explain {
     type Out = BeamFate;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<()> {
-        self.extractor.extract(scan, &mut self.segments);
+        self.general.extract(scan);
         (self.row.stamp, self.row.seq) = (scan.stamp, scan.seq);
-        for (beam, (fate, range_m)) in self
-            .extractor
-            .fates()
-            .iter()
-            .zip(scan.ranges_m.iter())
-            .enumerate()
-        {
+        let fates = self.general.extractor.fates().iter();
+        for (beam, (fate, range_m)) in fates.zip(scan.ranges_m.iter()).enumerate() {
             self.row.beam = beam as u32;
             self.row.angle_rad = scan.angle_rad(beam);
             self.row.range_m = *range_m;
