@@ -215,6 +215,8 @@ struct Candidates {
     fresh: bool,
     /// Which are kept.
     kept: Vec<u32>,
+    /// How often all were looked at, for the test of that.
+    looks: usize,
 }
 
 impl Candidates {
@@ -226,6 +228,7 @@ impl Candidates {
         self.least.clear();
         self.value.clear();
         self.seen_at = 0;
+        self.looks = 0;
         self.leader = 0;
         self.runner_up = f64::INFINITY;
         self.newcomers.clear();
@@ -304,6 +307,7 @@ impl Candidates {
             value[i] = least[i] + cost_m2 * per_m2;
         }
         self.seen_at = t;
+        self.looks += 1;
         self.newcomers.clear();
         self.newcomer = f64::INFINITY;
         self.fresh = true;
@@ -385,3 +389,155 @@ fn two_least(values: &[f64]) -> (f64, f64) {
 }
 
 const LANES: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lines::fit::Beams;
+    use proptest::prelude::*;
+
+    const SIGMA_M: f64 = 0.01;
+
+    fn costs() -> Costs {
+        Costs {
+            per_m2: 1.0 / (SIGMA_M * SIGMA_M),
+            line: 22.0,
+            clutter: 9.0,
+            min_run: 3,
+        }
+    }
+
+    /// The cost of a partition given as its lines, from sums of its own.
+    fn cost(group: BeamSlice<'_>, lines: &[(usize, usize)], costs: &Costs) -> f64 {
+        let chi2 = |(a, b): &(usize, usize)| {
+            let sums: InverseRangeSums = group.run(*a, *b).iter().collect();
+            sums.cost_m2() * costs.per_m2
+        };
+        let on_lines: usize = lines.iter().map(|(a, b)| b - a).sum();
+        let clutter = costs.clutter * (group.len() - on_lines) as f64;
+        clutter
+            + lines
+                .iter()
+                .map(|line| chi2(line) + costs.line)
+                .sum::<f64>()
+    }
+
+    fn found(partition: &Partition) -> Vec<(usize, usize)> {
+        partition.lines().map(|(a, b, _)| (a, b)).collect()
+    }
+
+    /// The recursion as it stands, every candidate looked at for every beam.
+    fn plain(group: BeamSlice<'_>, costs: &Costs) -> f64 {
+        let mut prefix = PrefixSums::default();
+        prefix.read(group);
+        let mut least = vec![0.0];
+        for t in 1..=group.len() {
+            let lines = (0..(t + 1).saturating_sub(costs.min_run))
+                .map(|j| least[j] + prefix.cost_m2(j, t) * costs.per_m2 + costs.line);
+            least.push(lines.fold(least[t - 1] + costs.clutter, f64::min));
+        }
+        least[group.len()]
+    }
+
+    /// The least cost over all partitions of the beams from `from` on.
+    fn brute(group: BeamSlice<'_>, from: usize, costs: &Costs) -> f64 {
+        if from == group.len() {
+            return 0.0;
+        }
+        let clutter = costs.clutter + brute(group, from + 1, costs);
+        (from + costs.min_run..=group.len())
+            .map(|to| {
+                let sums: InverseRangeSums = group.run(from, to).iter().collect();
+                sums.cost_m2() * costs.per_m2 + costs.line + brute(group, to, costs)
+            })
+            .fold(clutter, f64::min)
+    }
+
+    /// Beams on a chain of walls with noise, some of them in front.
+    fn beams(walls: &[(f64, f64)], each: usize, noise: &[f64], clutter: &[usize]) -> Beams {
+        let n = walls.len() * each;
+        (0..n)
+            .map(|i| {
+                let angle = (i as f64 - n as f64 / 2.0) * 0.5f64.to_radians();
+                let (d_m, alpha) = walls[i / each];
+                let off = (angle - alpha).clamp(-1.2, 1.2);
+                let mut range_m = d_m / off.cos() + SIGMA_M * noise[i % noise.len()];
+                if clutter.contains(&i) {
+                    range_m *= 0.8;
+                }
+                (angle, range_m)
+            })
+            .collect()
+    }
+
+    fn noise() -> impl Strategy<Value = Vec<f64>> {
+        // The sum of three uniform numbers, near enough to normal.
+        proptest::collection::vec((-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64), 7..97)
+            .prop_map(|all| all.iter().map(|(a, b, c)| a + b + c).collect())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// Pruning changes nothing, on walls, kinks, steps, clutter and rough things alike.
+        #[test]
+        fn the_optimum_is_that_of_the_plain_recursion(
+            walls in proptest::collection::vec((1.5..4.0f64, -0.6..0.6f64), 1..5),
+            each in 5usize..70,
+            roughness in prop_oneof![Just(0.0), Just(1.0), Just(1.0), Just(6.0), Just(30.0)],
+            noise in noise(),
+            clutter in proptest::collection::vec(0usize..200, 0..9),
+            line in 5.0..60.0f64,
+            clutter_cost in 2.0..25.0f64,
+            min_run in 2usize..7,
+        ) {
+            let noise: Vec<f64> = noise.iter().map(|e| e * roughness).collect();
+            let beams = beams(&walls, each, &noise, &clutter);
+            let costs = Costs { line, clutter: clutter_cost, min_run, ..costs() };
+            let mut partition = Partition::default();
+            partition.find(beams.all(), &costs);
+            let least = *partition.least.last().unwrap();
+            let reference = plain(beams.all(), &costs);
+            prop_assert!((least - reference).abs() <= 1e-7 * (1.0 + reference), "{least} {reference}");
+            let lines = found(&partition);
+            let real = cost(beams.all(), &lines, &costs);
+            prop_assert!((real - reference).abs() <= 1e-4 * (1.0 + reference), "{real} {reference}");
+            prop_assert!(lines.iter().all(|(a, b)| b - a >= min_run));
+            prop_assert!(lines.windows(2).all(|pair| pair[0].1 <= pair[1].0));
+        }
+
+        /// And the plain recursion finds the best of all partitions.
+        #[test]
+        fn the_optimum_is_the_best_of_all_partitions(
+            walls in proptest::collection::vec((1.5..4.0f64, -0.6..0.6f64), 1..3),
+            each in 2usize..7,
+            noise in noise(),
+            clutter in proptest::collection::vec(0usize..12, 0..3),
+        ) {
+            let beams = beams(&walls, each, &noise, &clutter);
+            let mut partition = Partition::default();
+            partition.find(beams.all(), &costs());
+            let best = brute(beams.all(), 0, &costs());
+            let real = cost(beams.all(), &found(&partition), &costs());
+            prop_assert!((real - best).abs() <= 1e-6 * (1.0 + best), "{real} {best}");
+        }
+    }
+
+    #[test]
+    fn most_candidates_are_never_looked_at() {
+        // The bound must hold on a straight wall, or a scan takes ten times as long.
+        let walls = [(3.0, 0.0)];
+        let noise: Vec<f64> = (0..61)
+            .map(|i| f64::from(i * 37 % 61) / 25.0 - 1.2)
+            .collect();
+        let beams = beams(&walls, 240, &noise, &[]);
+        let mut partition = Partition::default();
+        partition.find(beams.all(), &costs());
+        assert_eq!(found(&partition), [(0, 240)]);
+        assert!(
+            partition.candidates.looks < 40,
+            "{}",
+            partition.candidates.looks
+        );
+    }
+}

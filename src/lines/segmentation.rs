@@ -341,7 +341,7 @@ impl Returns {
             }
         }
         if self.all_round {
-            self.turn();
+            self.turn(rule.cut);
         }
         self.starts.push(n as u32);
     }
@@ -379,7 +379,7 @@ impl Returns {
     }
 
     /// Turns an all-round scan so that it starts behind its widest jump.
-    fn turn(&mut self) {
+    fn turn(&mut self, cut: Cut) {
         let n = self.range_m.len();
         let width2_m2 = |k: usize| self.distance2_m2((k + n - 1) % n, k);
         let widest = (0..self.starts.len()).max_by(|a, b| {
@@ -400,8 +400,13 @@ impl Returns {
             None => {
                 self.starts.push(0);
                 let ranges = self.range_m.iter().enumerate();
-                let nearest = ranges.min_by(|a, b| a.1.total_cmp(b.1));
-                nearest.map_or(0, |(k, _)| k)
+                let first = if cut == Cut::Nowhere {
+                    // Nothing is merged then: better a beam of a corner lost than a wall halved.
+                    ranges.max_by(|a, b| a.1.total_cmp(b.1))
+                } else {
+                    ranges.min_by(|a, b| a.1.total_cmp(b.1))
+                };
+                first.map_or(0, |(k, _)| k)
             }
         };
         self.beam.rotate_left(first);

@@ -146,7 +146,7 @@ impl SplitAndMerge {
         }
         let halves_m2 = |k: usize| self.prefix.cost_m2(a, k) + self.prefix.cost_m2(k, b);
         let (border, cost_m2) = (a + side..=b - side)
-            .step_by(COARSE_STEP)
+            .step_by(COARSE_STEP.max((b - a) / COARSE_STEPS))
             .map(|k| (k, halves_m2(k)))
             .min_by(|x, y| x.1.total_cmp(&y.1))?;
         (cost_m2 < bound_m2).then_some(border)
@@ -155,20 +155,39 @@ impl SplitAndMerge {
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
+/// Borders tried in a long run; a run that is split is searched again, more closely.
+const COARSE_STEPS: usize = 16;
+
+const LANES: usize = 4;
 
 /// Index of the beam farthest from the chord between the run's first and last point.
 pub(super) fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
     let last = run.len().saturating_sub(1);
     let (y0, z0) = (run.y_m[0], run.z_m[0]);
     let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);
-    let mut farthest = (0, -1.0);
-    for (k, (y, z)) in run.y_m.iter().zip(run.z_m).enumerate() {
-        let off = ((y - y0) * dz - (z - z0) * dy).abs();
-        if off > farthest.1 {
-            farthest = (k, off);
+    let off = |y: f64, z: f64| ((y - y0) * dz - (z - z0) * dy).abs();
+    let mut farthest = [0.0f64; LANES];
+    let (y4, y_rest) = run.y_m.as_chunks::<LANES>();
+    let (z4, z_rest) = run.z_m.as_chunks::<LANES>();
+    for (y, z) in y4.iter().zip(z4) {
+        for lane in 0..LANES {
+            let off = off(y[lane], z[lane]);
+            farthest[lane] = if off > farthest[lane] {
+                off
+            } else {
+                farthest[lane]
+            };
         }
     }
-    farthest.0
+    for (y, z) in y_rest.iter().zip(z_rest) {
+        farthest[0] = farthest[0].max(off(*y, *z));
+    }
+    let farthest = farthest.iter().fold(0.0f64, |a, b| a.max(*b));
+    let points = run.y_m.iter().zip(run.z_m);
+    points
+        .map(|(y, z)| off(*y, *z))
+        .position(|off| off == farthest)
+        .unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -188,6 +188,10 @@ impl PrefixSums {
     /// Sum of squared residuals of the best line through beams `from..to`, m^2.
     #[inline]
     pub fn cost_m2(&self, from: usize, to: usize) -> f64 {
+        // Two beams or one contradict no line, but for rounding.
+        if to - from < 3 {
+            return 0.0;
+        }
         self.between(from, to).cost_m2()
     }
 }
