@@ -79,18 +79,25 @@ pub(super) fn propagate<const N: usize>(
 
 /// Mean and variance of a Gaussian restricted to a softened box.
 fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) -> (f64, f64) {
-    let s = (variance + factor.softness * factor.softness).sqrt();
-    let high = (factor.high - mean) / s;
-    let low = (factor.low - mean) / s;
+    truncated(mean, variance, [factor.low, factor.high], factor.softness)
+}
+
+/// Mean and variance of a Gaussian restricted to an interval whose bounds are blurred by a Gaussian
+/// of standard deviation `softness`.
+pub(super) fn truncated(
+    mean: f64,
+    variance: f64,
+    [lower, upper]: [f64; 2],
+    softness: f64,
+) -> (f64, f64) {
+    let s = (variance + softness * softness).sqrt();
+    let high = (upper - mean) / s;
+    let low = (lower - mean) / s;
     let mass = normal_between(low, high);
     if mass < 1e-12 {
         // The box is far out in the tail: all of it is at the nearer bound.
-        let bound = if mean > factor.high {
-            factor.high
-        } else {
-            factor.low
-        };
-        let soft = factor.softness * factor.softness;
+        let bound = if mean > upper { upper } else { lower };
+        let soft = softness * softness;
         return (bound, variance * soft / (variance + soft));
     }
     let (n_low, n_high) = (normal_density(low), normal_density(high));

@@ -20,7 +20,7 @@ const YAW: usize = 5;
 const BIAS: usize = 6;
 const THRESHOLD: usize = 7;
 
-type State = SVector<f64, N>;
+pub(super) type State = SVector<f64, N>;
 type Square = SMatrix<f64, N, N>;
 
 /// Prior widths and limits of the joint estimator.
@@ -359,10 +359,12 @@ fn line_posterior(
     })
 }
 
-type LineRows = SMatrix<f64, 7, N>;
+/// Rows of [`line_equations`]: d and alpha of the three lines, and the bias.
+pub(super) const LINE_ROWS: usize = 7;
+type LineRows = SMatrix<f64, LINE_ROWS, N>;
 
 /// Rows, residuals and information of the seven line parameters; zero for a line not seen.
-fn line_equations(
+pub(super) fn line_equations(
     lines: &ReflectorLines,
     frame: &Frame,
     at: &State,
@@ -423,8 +425,8 @@ fn line_equations(
 
 /// By how many spot radii the spot's centre is outside a strip when a share of it is inside:
 /// the root of F(-q) = share, F(q) = 1/2 + (q sqrt(1 - q^2) + asin q)/pi.
-fn threshold_mean(share: f64) -> f64 {
-    let inside = |q: f64| 0.5 + (q * (1.0 - q * q).sqrt() + q.asin()) / std::f64::consts::PI;
+pub(super) fn threshold_mean(share: f64) -> f64 {
+    let inside = |q: f64| hit_share(-q);
     let (mut low, mut high) = (-1.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -435,6 +437,13 @@ fn threshold_mean(share: f64) -> f64 {
         }
     }
     0.5 * (low + high)
+}
+
+/// The share of the spot that is inside a strip when its centre is `outside` spot radii off it:
+/// F(-outside).
+pub(super) fn hit_share(outside: f64) -> f64 {
+    let q = (-outside).clamp(-1.0, 1.0);
+    0.5 + (q * (1.0 - q * q).sqrt() + q.asin()) / std::f64::consts::PI
 }
 
 /// The edges as boxes on the state, linearised at `at`.
