@@ -19,11 +19,11 @@ const OWN_FOOTPRINT: usize = 8;
 /// Own unknowns.
 pub(super) type Own = [f64; OWN];
 
-/// Prior of x, m, and of yaw, rad, of a scan.
-const X_SIGMA_M: f64 = 0.5;
-const YAW_SIGMA_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
-/// Pitch of a scan that nothing is known of, rad.
-const PITCH_SIGMA_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
+/// Prior of x, m, and of yaw, rad, of a scan: none, or many scans together would show what none does.
+const X_SIGMA_M: f64 = 100.0;
+const YAW_SIGMA_RAD: f64 = 100.0;
+/// The same of a pitch that nobody measured, rad.
+const PITCH_SIGMA_RAD: f64 = 100.0;
 /// An attitude is not known better than this, rad.
 const ATTITUDE_FLOOR_RAD: f64 = 0.002 * std::f64::consts::PI / 180.0;
 /// Threshold and footprint of a scan differ from the run's by this, spot radii and 1.
