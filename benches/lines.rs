@@ -3,6 +3,7 @@
 //!
 //! The scans are those of a 722 beam all-round scanner in seeded random rooms with boxes.
 
+use cablepose::lines::extractor::Extractor;
 use cablepose::lines::fit::{self, Beams, Loss};
 use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::record::Scan;
@@ -20,7 +21,7 @@ const ROUNDS: usize = 40;
 fn main() {
     let scans = scans(100);
     let mut options = SplitAndMergeOptions::default();
-    options.segmentation.sigma_m = SIGMA_M;
+    options.common.segmentation.sigma_m = SIGMA_M;
     let mut extractor = SplitAndMerge::new(options);
     let mut segments = Vec::new();
     let mut lines = 0;

@@ -3,6 +3,7 @@
 //! The recording (an LMS511, 174 scans) is kept outside the repository, in `../shared/data` or
 //! where CABLEPOSE_DATA says; without it the test says so and passes.
 
+use cablepose::lines::extractor::Extractor;
 use cablepose::lines::split_and_merge::SplitAndMerge;
 use cablepose::record::{NormalLine, Scan, Segment};
 use cablepose::sick::cola::{Event, Framer};

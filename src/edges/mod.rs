@@ -10,7 +10,6 @@ mod association;
 use crate::frame::Frame;
 use crate::record::{BeamTable, Edge, EdgeKind, Face, NormalLine, ReflectorLines, Scan};
 use association::Association;
-use std::f64::consts::FRAC_PI_2;
 
 /// A hit lies within this many sigma of the line.
 const HIT_SIGMA: f64 = 4.0;
@@ -49,8 +48,8 @@ pub struct EdgeMeter {
     /// How far behind the face's line a beam went, and the surface behind is, m.
     behind_m: Vec<(f64, f64)>,
     found: Vec<Edge>,
-    /// First and last mixed pixel within each found edge's interval.
-    mixed: Vec<Option<(usize, usize)>>,
+    /// Angles of the first and last mixed pixel within each found edge's interval, rad.
+    mixed: Vec<Option<(f64, f64)>>,
     association: Association,
 }
 
@@ -70,40 +69,34 @@ impl EdgeMeter {
 
     /// Finds the edges of `scan` on the faces whose lines are known and puts them into `lines`.
     pub fn measure(&mut self, scan: &Scan, lines: &mut ReflectorLines) {
-        self.beams.fit(scan);
+        self.beams.fit_moving(scan, lines.motion());
         self.found.clear();
         self.mixed.clear();
         let faces = [Face::Right, Face::Upper, Face::Left];
         for (k, face) in faces.into_iter().enumerate() {
             if lines.lines()[k].is_seen() && self.frame.strips_on(face).next().is_some() {
                 self.classify(scan, lines, k);
-                self.transitions(face);
+                self.transitions(face, &lines.lines()[k].normal);
             }
         }
-        let reference = (FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
-        for edge in &mut self.found {
-            let index = (0.5 * (edge.from_rad + edge.to_rad) - scan.angle_min_rad)
-                / scan.angle_increment_rad;
-            edge.time_s = (index - reference) * scan.time_increment_s;
-        }
         self.association.assign(&self.frame, lines, &mut self.found);
-        self.tighten(scan);
+        self.tighten();
         lines.edges.clear();
         lines.edges.extend_from_slice(&self.found);
     }
 
     /// Draws an interval that holds mixed pixels closer around them.
-    fn tighten(&mut self, scan: &Scan) {
+    fn tighten(&mut self) {
         for (edge, mixed) in self.found.iter_mut().zip(&self.mixed) {
-            let Some((first, last)) = *mixed else {
+            let Some((first_rad, last_rad)) = *mixed else {
                 continue;
             };
             let reach_rad = MIXED_REACH * edge.d_threshold.abs();
             if edge.strip < 0 || !(reach_rad > 0.0) {
                 continue;
             }
-            let from_rad = edge.from_rad.max(scan.angle_rad(last) - reach_rad);
-            let to_rad = edge.to_rad.min(scan.angle_rad(first) + reach_rad);
+            let from_rad = edge.from_rad.max(last_rad - reach_rad);
+            let to_rad = edge.to_rad.min(first_rad + reach_rad);
             if from_rad < to_rad {
                 (edge.from_rad, edge.to_rad) = (from_rad, to_rad);
             }
@@ -125,13 +118,17 @@ impl EdgeMeter {
         let bias_m = bias_m + lines.range_bias_m * self.frame.calibration.range_scale;
         self.states.clear();
         self.behind_m.clear();
-        for ((cos, sin), range_m) in self.beams.cos_sin.iter().zip(scan.ranges_m.iter()) {
+        let rays = self.beams.cos_sin.iter().zip(scan.ranges_m.iter());
+        for (i, ((cos, sin), range_m)) in rays.enumerate() {
+            let (y_m, z_m) = self.beams.origin_m(i);
             let mut nearest = f64::NEG_INFINITY;
             let mut nearest_behind = f64::NEG_INFINITY;
             let mut own = f64::NEG_INFINITY;
             for (j, normal) in normals.iter().enumerate() {
                 let Some((y, z, d_m)) = normal else { continue };
                 let along = cos * y + sin * z;
+                // A moving scanner's beam starts nearer to the line or further from it.
+                let d_m = d_m - (y_m * y + z_m * z);
                 let inverse = along / d_m;
                 nearest = nearest.max(inverse);
                 if j == k {
@@ -220,7 +217,11 @@ impl EdgeMeter {
     }
 
     /// An edge wherever the last sure state changes.
-    fn transitions(&mut self, face: Face) {
+    fn transitions(&mut self, face: Face, normal: &NormalLine) {
+        let line = components(normal);
+        let (beams, found, all_mixed) = (&self.beams, &mut self.found, &mut self.mixed);
+        // Angles are those under which the scanner at the reference instant sees the face's points.
+        let seen_rad = |i: usize| beams.seen_rad(i, range_on(beams, i, line));
         let mut last: Option<(usize, Beam)> = None;
         let mut mixed: Option<(usize, usize)> = None;
         for (i, state) in self.states.iter().enumerate() {
@@ -235,18 +236,19 @@ impl EdgeMeter {
             if let Some((before, kind)) = last
                 && kind != *state
             {
-                self.found.push(Edge {
+                found.push(Edge {
                     face,
                     kind: if *state == Beam::Hit {
                         EdgeKind::On
                     } else {
                         EdgeKind::Off
                     },
-                    from_rad: self.beams.angle_rad(before),
-                    to_rad: self.beams.angle_rad(i),
+                    from_rad: seen_rad(before),
+                    to_rad: seen_rad(i),
+                    time_s: beams.time_at_s(0.5 * (beams.angle_rad(before) + beams.angle_rad(i))),
                     ..Edge::default()
                 });
-                self.mixed.push(mixed);
+                all_mixed.push(mixed.map(|(first, last)| (seen_rad(first), seen_rad(last))));
             }
             last = Some((i, *state));
             mixed = None;
@@ -258,6 +260,12 @@ impl EdgeMeter {
 fn components(normal: &NormalLine) -> (f64, f64, f64) {
     let (sin, cos) = normal.alpha_rad.sin_cos();
     (cos, sin, normal.d_m)
+}
+
+/// Range at which beam `i` meets a line given by its components, m.
+fn range_on(beams: &BeamTable, i: usize, (cos, sin, d_m): (f64, f64, f64)) -> f64 {
+    let ((y_m, z_m), (u, v)) = (beams.origin_m(i), beams.cos_sin[i]);
+    (d_m - (y_m * cos + z_m * sin)) / (u * cos + v * sin)
 }
 
 #[cfg(test)]

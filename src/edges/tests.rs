@@ -4,6 +4,7 @@ use crate::lines::reflectors::{Options, ReflectorFit};
 use crate::record::TrajectoryPoint;
 use crate::simulate::Step;
 use crate::simulate::staged::{frame, scattered};
+use std::f64::consts::FRAC_PI_2;
 
 fn lines_and_edges(frame: &Frame, scan: &Scan) -> ReflectorLines {
     let mut fit = ReflectorFit::new(frame, Options::default());

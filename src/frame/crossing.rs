@@ -38,6 +38,8 @@ pub struct Crossing {
     pub direction: Vec3,
     /// Derivatives of the point to (x, y, z, roll, pitch, yaw), m/m and m/rad.
     pub d_point: [Vec3; 6],
+    /// Derivative of the point to the beam's angle, m/rad.
+    pub d_angle: Vec3,
 }
 
 /// A face's line in the scan plane with its derivatives.
@@ -93,11 +95,15 @@ impl ScannerPose {
             *d_point = add(moved, scale(direction, d_range));
         }
         let point_m = add(self.origin_m, scale(direction, range_m));
+        let turned = mul(&self.rotation, mul(&self.mounting, [0.0, -sin, cos]));
+        let d_range = -range_m * turned[axis] / direction[axis];
+        let d_angle = add(scale(turned, range_m), scale(direction, d_range));
         Some(Crossing {
             range_m,
             point_m,
             direction,
             d_point,
+            d_angle,
         })
     }
 
@@ -283,6 +289,20 @@ mod tests {
                     c.d_d[k]
                 );
                 assert!((alpha - c.d_alpha[k]).abs() < 1e-6, "{face:?} alpha {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_point_moves_with_the_beam() {
+        let frame = frame();
+        let pose = at(&frame, POSE);
+        let step = 1e-6;
+        for (angle, face) in [(0.3, Face::Right), (1.1, Face::Upper), (2.9, Face::Left)] {
+            let [a, c, b] = [-step, 0.0, step].map(|s| pose.crossing(angle + s, face).unwrap());
+            for j in 0..3 {
+                let difference = (b.point_m[j] - a.point_m[j]) / (2.0 * step);
+                assert!((difference - c.d_angle[j]).abs() < 1e-5, "{face:?} {j}");
             }
         }
     }

@@ -2,12 +2,16 @@
 //!
 //! A wall or a row of coplanar reflectors shows up in a scan as a run of beams whose ranges are
 //! `d / cos(theta - alpha)`. In a frame that is known, [`reflectors`] fits its three reflector
-//! lines jointly with the range bias. In any other scene [`split_and_merge`] finds all lines:
+//! lines jointly with the range bias. In any other scene an [`extractor::Extractor`] finds all lines:
 //!
+//! - [`extractor`] what all of them have in common
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
+//! - [`assembly`] segments from beams on one line each
 
+pub mod assembly;
+pub mod extractor;
 pub mod fit;
 pub mod reflectors;
 pub mod segmentation;

@@ -14,7 +14,9 @@
 mod cold_start;
 
 use crate::frame::Frame;
-use crate::record::{BeamTable, FittedLine, NormalLine, ReflectorLines, Scan, upper_index};
+use crate::record::{
+    BeamTable, FittedLine, NormalLine, ReflectorLines, Scan, ScanMotion, upper_index,
+};
 use cold_start::ColdStart;
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -132,13 +134,18 @@ impl ReflectorFit {
         self.previous = None;
     }
 
-    /// Fits the three lines to a scan; none where no reflector is to be found.
+    /// Fits the three lines to a scan taken at rest; none where no reflector is to be found.
     pub fn fit(&mut self, scan: &Scan) -> Option<JointLines> {
+        self.fit_moving(scan, ScanMotion::REST)
+    }
+
+    /// Fits the three lines of the reference instant to a scan taken in a known motion.
+    pub fn fit_moving(&mut self, scan: &Scan, motion: ScanMotion) -> Option<JointLines> {
         if scan.beams() < 2 || !(scan.angle_increment_rad > 0.0) || !scan.angle_min_rad.is_finite()
         {
             return None;
         }
-        self.beams.fit(scan);
+        self.beams.fit_moving(scan, motion);
         self.ranges_m.clear();
         let (bias_m, scale) = (self.range_bias_m, 1.0 / self.range_scale);
         self.ranges_m
@@ -217,10 +224,10 @@ impl ReflectorFit {
                 sums[k] = LineSums::over(
                     &lines[k],
                     bias_m,
-                    &self.beams.cos_sin[s.clone()],
-                    &self.ranges_m[s],
-                    gate_m,
-                    huber_m,
+                    &self.beams,
+                    &self.ranges_m,
+                    s,
+                    [gate_m, huber_m],
                 );
             }
             let (step, cov) = self.solve(&sums, bias_m, sigma_m)?;
@@ -344,11 +351,12 @@ impl ReflectorFit {
         let line = fit.lines[k];
         let (sin, cos) = line.alpha_rad.sin_cos();
         let sector = sectors(&fit.lines, &self.beams)[k].clone();
-        self.beams.cos_sin[sector.clone()]
-            .iter()
-            .zip(&self.ranges_m[sector])
-            .filter(|((c, s), r)| {
-                ((*r - fit.bias_m) * (c * cos + s * sin) - line.d_m - offset_m).abs() < reach_m
+        sector
+            .filter(|i| {
+                let ((c, s), (y_m, z_m)) = (self.beams.cos_sin[*i], self.beams.origin_m(*i));
+                let range_m = self.ranges_m[*i] - fit.bias_m;
+                let along_m = range_m * (c * cos + s * sin) + (y_m * cos + z_m * sin);
+                (along_m - line.d_m - offset_m).abs() < reach_m
             })
             .count()
     }
@@ -381,6 +389,7 @@ impl ReflectorFit {
         out.upper = line(1);
         out.left = line(2);
         out.range_bias_m = fit.bias_m;
+        out.set_motion(self.beams.motion());
         out.joint_cov.clear();
         out.joint_cov.resize(N * (N + 1) / 2, 0.0);
         for row in 0..N {
@@ -420,18 +429,21 @@ impl LineSums {
     fn over(
         line: &NormalLine,
         bias_m: f64,
-        cos_sin: &[(f64, f64)],
+        beams: &BeamTable,
         ranges_m: &[f64],
-        gate_m: f64,
-        huber_m: f64,
+        sector: Range<usize>,
+        [gate_m, huber_m]: [f64; 2],
     ) -> LineSums {
         let (sin_alpha, cos_alpha) = line.alpha_rad.sin_cos();
         let mut s = LineSums::default();
-        for ((cos, sin), range_m) in cos_sin.iter().zip(ranges_m) {
-            // phi = delta - alpha; range = d / cos(phi).
+        let first = sector.start;
+        let rays = beams.cos_sin[sector.clone()].iter().zip(&ranges_m[sector]);
+        for (i, ((cos, sin), range_m)) in rays.enumerate() {
+            // phi = delta - alpha; range = (d - origin along the normal) / cos(phi).
+            let (y_m, z_m) = beams.origin_m(first + i);
             let cos_phi = cos * cos_alpha + sin * sin_alpha;
             let inverse = 1.0 / cos_phi;
-            let predicted_m = line.d_m * inverse;
+            let predicted_m = (line.d_m - (y_m * cos_alpha + z_m * sin_alpha)) * inverse;
             let e = range_m - bias_m - predicted_m;
             let magnitude = e.abs();
             if !(magnitude < gate_m) {
@@ -444,7 +456,7 @@ impl LineSums {
                 1.0
             };
             let d = inverse;
-            let a = -predicted_m * sin_phi * inverse;
+            let a = -(predicted_m * sin_phi + (z_m * cos_alpha - y_m * sin_alpha)) * inverse;
             let (wd, wa) = (w * d, w * a);
             s.dd += wd * d;
             s.da += wd * a;
@@ -488,8 +500,9 @@ fn residual_sigma(sums: &[LineSums; 3]) -> f64 {
 /// one beam on each side (its spot covers both).
 fn sectors(lines: &[NormalLine; 3], beams: &BeamTable) -> [Range<usize>; 3] {
     let margin = beams.increment_rad();
-    let first = corner_rad(&lines[0], &lines[1]);
-    let second = corner_rad(&lines[1], &lines[2]);
+    let beam_at = |(angle_rad, distance_m)| beams.angle_towards(angle_rad, distance_m);
+    let first = beam_at(corner(&lines[0], &lines[1]));
+    let second = beam_at(corner(&lines[1], &lines[2]));
     [
         beams.index_range(-FRAC_PI_2, first - margin),
         beams.index_range(first + margin, second - margin),
@@ -497,18 +510,20 @@ fn sectors(lines: &[NormalLine; 3], beams: &BeamTable) -> [Range<usize>; 3] {
     ]
 }
 
-/// Direction in which two lines meet, rad, in (-pi/2, 3 pi/2].
-fn corner_rad(a: &NormalLine, b: &NormalLine) -> f64 {
+/// Where two lines meet: direction, rad, in (-pi/2, 3 pi/2], and distance, m.
+fn corner(a: &NormalLine, b: &NormalLine) -> (f64, f64) {
     let ((sa, ca), (sb, cb)) = (a.alpha_rad.sin_cos(), b.alpha_rad.sin_cos());
     let y = a.d_m * sb - b.d_m * sa;
     let z = b.d_m * ca - a.d_m * cb;
     // For normals a quarter turn apart the determinant is positive.
+    let determinant = ca * sb - sa * cb;
     let angle = z.atan2(y);
-    if angle <= -FRAC_PI_2 {
+    let angle = if angle <= -FRAC_PI_2 {
         angle + 2.0 * PI
     } else {
         angle
-    }
+    };
+    (angle, y.hypot(z) / determinant.abs().max(1e-9))
 }
 
 #[cfg(test)]

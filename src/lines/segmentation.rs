@@ -5,19 +5,42 @@
 //! A range of 0, NaN, infinite or beyond the limit is no return and never an error; it counts as
 //! if the beam were not there.
 
-use super::fit::BeamSlice;
-use crate::record::{BeamTable, Scan};
+use super::fit::{BeamSlice, InverseLine};
+use crate::record::{BeamTable, NormalLine, Scan};
 use std::f64::consts::TAU;
+
+/// What counts as a jump from one surface to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cut {
+    /// Nothing: the whole scan is one group.
+    Nowhere,
+    /// A distance between neighbouring points of more than [`SegmentationOptions::max_gap_m`].
+    Jump,
+    /// Successive edge following: a difference between neighbouring ranges of more than
+    /// [`SegmentationOptions::edge_m`] (Kurniawan 2017, eq. 4.18).
+    Sef,
+    /// A point further off than a surface seen at the flattest accepted angle would put it (Borges
+    /// & Aldon 2004).
+    #[default]
+    Adaptive,
+    /// A point further off than the line expected there would put it (Kurniawan 2017, eq. 4.19 to
+    /// 4.21).
+    Reflector,
+}
 
 /// Where a scan is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentationOptions {
+    /// What counts as a jump.
+    pub cut: Cut,
     /// Standard deviation of a range, m.
     pub sigma_m: f64,
     /// Flattest angle between beam and surface at which neighbours still count as connected, rad.
     pub breakpoint_angle_rad: f64,
     /// Points further apart than this are never connected, m.
     pub max_gap_m: f64,
+    /// Range difference that ends a segment in successive edge following, m.
+    pub edge_m: f64,
     /// A single beam that is this many sigmas off the line through its two neighbours, while these
     /// are connected, is left out.
     pub spike_sigmas: f64,
@@ -28,9 +51,11 @@ pub struct SegmentationOptions {
 impl Default for SegmentationOptions {
     fn default() -> Self {
         SegmentationOptions {
+            cut: Cut::default(),
             sigma_m: 0.0065,
             breakpoint_angle_rad: 10f64.to_radians(),
             max_gap_m: 0.5,
+            edge_m: 0.3,
             spike_sigmas: 6.0,
             max_range_m: f64::INFINITY,
         }
@@ -50,6 +75,10 @@ pub struct Returns {
     y_m: Vec<f64>,
     z_m: Vec<f64>,
     spikes: Vec<bool>,
+    /// Beams left out as spikes.
+    dropped: Vec<u32>,
+    /// Lines that surfaces are expected to run along.
+    expected: Vec<InverseLine>,
     /// First beam of each group, and the end of the last.
     starts: Vec<u32>,
     all_round: bool,
@@ -64,6 +93,26 @@ impl Returns {
         let rule = BreakRule::new(scan, options);
         self.drop_spikes(&rule, options);
         self.cut(&rule);
+    }
+
+    /// Tells which lines to expect from now on; only [`Cut::Reflector`] asks. Without any, it cuts
+    /// like [`Cut::Adaptive`].
+    pub fn expect(&mut self, lines: &[NormalLine]) {
+        self.expected.clear();
+        self.expected.extend(
+            lines
+                .iter()
+                .filter(|line| line.d_m > 0.0 && line.alpha_rad.is_finite())
+                .map(|line| InverseLine {
+                    a: line.alpha_rad.cos() / line.d_m,
+                    b: line.alpha_rad.sin() / line.d_m,
+                }),
+        );
+    }
+
+    /// Indices in the scan of the beams that were left out as spikes.
+    pub fn spikes(&self) -> &[u32] {
+        &self.dropped
     }
 
     /// Ranges and points.
@@ -132,6 +181,7 @@ impl Returns {
     /// A line through both neighbours (at equal angles) predicts
     /// `1 / r = (1 / r1 + 1 / r2) / (2 cos(dphi))`.
     fn drop_spikes(&mut self, rule: &BreakRule, options: &SegmentationOptions) {
+        self.dropped.clear();
         let n = self.range_m.len();
         if n < 3 {
             return;
@@ -166,7 +216,10 @@ impl Returns {
         for k in 0..n {
             if self.spikes[k] {
                 let (before, after) = ((k + n - 1) % n, (k + 1) % n);
-                self.spikes[k] = !self.is_break(before, after, rule);
+                self.spikes[k] = !self.is_far(before, after, rule);
+                if self.spikes[k] {
+                    self.dropped.push(self.beam[k]);
+                }
             }
         }
         let mut kept = 0;
@@ -200,6 +253,41 @@ impl Returns {
 
     #[inline]
     fn is_break(&self, k: usize, next: usize, rule: &BreakRule) -> bool {
+        match rule.cut {
+            Cut::Nowhere => false,
+            Cut::Jump => self.distance2_m2(k, next) > rule.max_gap_m * rule.max_gap_m,
+            Cut::Sef => (self.range_m[next] - self.range_m[k]).abs() > rule.edge_m,
+            Cut::Adaptive => self.is_far(k, next, rule),
+            Cut::Reflector => self.is_off_expected(k, next, rule),
+        }
+    }
+
+    /// Whether `next` is further off than a surface along the line expected there would put it.
+    fn is_off_expected(&self, k: usize, next: usize, rule: &BreakRule) -> bool {
+        let (r, y, z) = (self.range_m[next], self.y_m[next], self.z_m[next]);
+        let nearest = self
+            .expected
+            .iter()
+            .map(|line| (line, line.residual_m(r, y, z).abs()))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((line, _)) = nearest.filter(|(_, off_m)| *off_m <= rule.max_gap_m) else {
+            return self.is_far(k, next, rule);
+        };
+        // The surface through `next` along that line, met by the beam of `k`: eq. 4.20 and 4.21.
+        let along_next = line.a * y + line.b * z;
+        let along_k = line.a * self.y_m[k] + line.b * self.z_m[k];
+        if !(along_k > 0.0) {
+            return self.is_far(k, next, rule);
+        }
+        let scale = along_next / along_k;
+        let (dy_m, dz_m) = (y - scale * self.y_m[k], z - scale * self.z_m[k]);
+        let limit_m = dy_m.hypot(dz_m) + std::f64::consts::SQRT_2 * rule.offset_m;
+        let limit_m = limit_m.min(rule.max_gap_m);
+        self.distance2_m2(k, next) > limit_m * limit_m
+    }
+
+    #[inline]
+    fn is_far(&self, k: usize, next: usize, rule: &BreakRule) -> bool {
         let near_m = self.range_m[k].min(self.range_m[next]);
         let limit_m = rule.limit_m(near_m, self.steps(k, next, rule));
         self.distance2_m2(k, next) > limit_m * limit_m
@@ -267,6 +355,8 @@ fn sees_all_round(scan: &Scan) -> bool {
 }
 
 struct BreakRule {
+    cut: Cut,
+    edge_m: f64,
     step_rad: f64,
     cos_step: f64,
     /// Factor on the nearer range for neighbouring beams.
@@ -282,6 +372,8 @@ impl BreakRule {
     fn new(scan: &Scan, options: &SegmentationOptions) -> BreakRule {
         let step_rad = scan.angle_increment_rad.abs();
         let mut rule = BreakRule {
+            cut: options.cut,
+            edge_m: options.edge_m,
             step_rad,
             cos_step: step_rad.cos(),
             factor: 0.0,

@@ -7,15 +7,17 @@
 //! microseconds. Each line is then freed of outliers and fitted by maximum likelihood in the ranges
 //! ([`super::fit`]).
 
-use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
-use super::segmentation::{Returns, SegmentationOptions};
-use crate::record::{NormalLine, Scan, Segment};
+use super::assembly::Assembly;
+use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::fit::{BeamSlice, InverseLine, InverseRangeSums};
+use super::segmentation::Returns;
+use crate::record::{Scan, Segment};
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitAndMergeOptions {
-    /// What returns and jumps are. Its `sigma_m` is the noise for everything here.
-    pub segmentation: SegmentationOptions,
+    /// What all extractors share.
+    pub common: ExtractorOptions,
     /// A run is split at a beam that is this many sigmas off its line.
     pub split_sigmas: f64,
     /// A run is split where two lines lower chi-square by this much, and runs are merged whose
@@ -24,24 +26,15 @@ pub struct SplitAndMergeOptions {
     /// 99.9 % quantile of chi-square with two degrees of freedom: two runs on one line differ by
     /// less.
     pub merge_chi2: f64,
-    /// Beams this many sigmas off the final line are left out.
-    pub trim_sigmas: f64,
-    /// Fewest beams on a line.
-    pub min_points: usize,
-    /// Shortest line, m.
-    pub min_length_m: f64,
 }
 
 impl Default for SplitAndMergeOptions {
     fn default() -> Self {
         SplitAndMergeOptions {
-            segmentation: SegmentationOptions::default(),
+            common: ExtractorOptions::default(),
             split_sigmas: 4.5,
             split_chi2: 22.0,
             merge_chi2: 13.8,
-            trim_sigmas: 3.5,
-            min_points: 9,
-            min_length_m: 0.5,
         }
     }
 }
@@ -56,9 +49,7 @@ pub struct SplitAndMerge {
     prefix: Vec<InverseRangeSums>,
     pending: Vec<(usize, usize)>,
     runs: Vec<Run>,
-    /// The beams of the line at hand, and where they are among the returns.
-    kept: Beams,
-    kept_at: Vec<usize>,
+    assembly: Assembly,
 }
 
 /// Beams on one line; a chain of runs where something stands in front of it.
@@ -94,28 +85,37 @@ impl Run {
     }
 }
 
+impl Extractor for SplitAndMerge {
+    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
+        out.clear();
+        let options = self.options.common;
+        self.returns.read(scan, &options.segmentation);
+        self.split();
+        self.merge(scan.angle_increment_rad.abs());
+        self.assembly.begin(scan, &self.returns, &options);
+        for (index, head) in self.runs.iter().enumerate() {
+            if head.absorbed {
+                continue;
+            }
+            let chain = std::iter::successors(Some(index), |i| self.runs[*i].next);
+            let runs = chain.map(|i| self.runs[i].from..self.runs[i].to);
+            self.assembly
+                .add(&self.returns, runs, head.sums.line(), &options, out);
+        }
+        self.assembly.end(out);
+    }
+
+    fn fates(&self) -> &[Fate] {
+        self.assembly.fates()
+    }
+}
+
 impl SplitAndMerge {
     /// An extractor with the given settings.
     pub fn new(options: SplitAndMergeOptions) -> SplitAndMerge {
         SplitAndMerge {
             options,
             ..SplitAndMerge::default()
-        }
-    }
-
-    /// Finds the lines of `scan`, in the order of their first beams, in place of what `out` held.
-    /// Allocates nothing once its buffers have grown to the scan's size.
-    pub fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
-        self.returns.read(scan, &self.options.segmentation);
-        self.split();
-        self.merge(scan.angle_increment_rad.abs());
-        for index in 0..self.runs.len() {
-            self.emit(index, scan, out);
-        }
-        out.sort_unstable_by_key(|segment| segment.line);
-        for (line, segment) in out.iter_mut().enumerate() {
-            segment.line = line as u32;
         }
     }
 
@@ -174,7 +174,7 @@ impl SplitAndMerge {
         }
         let line = self.sums(a, b).line()?;
         let run = group.run(a, b);
-        let limit_m = self.options.split_sigmas * self.options.segmentation.sigma_m;
+        let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
         if largest_residual_m(run, line) <= limit_m {
             return None;
         }
@@ -185,11 +185,11 @@ impl SplitAndMerge {
     /// Where to split `a..b` because two lines lower chi-square enough: for steps and kinks too
     /// small for a single beam to show.
     fn better_as_two(&self, a: usize, b: usize) -> Option<usize> {
-        let side = self.options.min_points.max(2);
+        let side = self.options.common.min_points.max(2);
         if b - a < 2 * side {
             return None;
         }
-        let variance_m2 = self.options.segmentation.sigma_m.powi(2);
+        let variance_m2 = self.options.common.segmentation.sigma_m.powi(2);
         let whole_m2 = self.sums(a, b).cost_m2();
         let bound_m2 = whole_m2 - self.options.split_chi2 * variance_m2;
         if bound_m2 <= 0.0 {
@@ -263,7 +263,7 @@ impl SplitAndMerge {
     fn may_continue(&self, head: usize, other: usize, step_rad: f64) -> bool {
         let beams = self.returns.beams();
         let (end, start) = (self.runs[head].chain_end - 1, self.runs[other].from);
-        let near = self.options.segmentation.max_gap_m / beams.range_m[end];
+        let near = self.options.common.segmentation.max_gap_m / beams.range_m[end];
         if near >= 1.0 || start < end {
             return near >= 1.0 || self.returns.is_all_round();
         }
@@ -286,7 +286,7 @@ impl SplitAndMerge {
             beams.y_m[start] - beams.y_m[end],
             beams.z_m[start] - beams.z_m[end],
         );
-        let options = &self.options.segmentation;
+        let options = &self.options.common.segmentation;
         if dy_m * dy_m + dz_m * dz_m > options.max_gap_m * options.max_gap_m {
             return false;
         }
@@ -306,90 +306,6 @@ impl SplitAndMerge {
         run.chain_end = tail.chain_end;
         run.last = tail.last;
     }
-
-    /// Fits a chain of runs and adds its line, or its pieces where the beams left are too far apart.
-    fn emit(&mut self, index: usize, scan: &Scan, out: &mut Vec<Segment>) {
-        let run = self.runs[index];
-        if run.absorbed || run.beams < self.options.min_points {
-            return;
-        }
-        let Some(line) = self.keep_inliers(index, run.sums.line()) else {
-            return;
-        };
-        let normal = line.normal();
-        let (sin, cos) = normal.alpha_rad.sin_cos();
-        let max_gap_m = self.options.segmentation.max_gap_m;
-        let kept = self.kept.all();
-        let along = |k: usize| kept.z_m[k] * cos - kept.y_m[k] * sin;
-        let mut from = 0;
-        for k in 1..=kept.len() {
-            if k < kept.len() && (along(k) - along(k - 1)).abs() <= max_gap_m {
-                continue;
-            }
-            let piece = kept.run(from, k);
-            if let Some(segment) = self.segment(piece, normal, scan) {
-                let line = self.returns.beam(self.kept_at[from]);
-                out.push(Segment { line, ..segment });
-            }
-            from = k;
-        }
-    }
-
-    /// Collects a chain's beams that lie within the trim limit of its line.
-    fn keep_inliers(&mut self, index: usize, line: Option<InverseLine>) -> Option<InverseLine> {
-        let beams = self.returns.beams();
-        let limit_m = self.options.trim_sigmas * self.options.segmentation.sigma_m;
-        let mut line = line?;
-        for _ in 0..TRIM_ROUNDS {
-            let before = self.kept_at.len();
-            self.kept.clear();
-            self.kept_at.clear();
-            let mut sums = InverseRangeSums::default();
-            let mut next = Some(index);
-            while let Some(i) = next {
-                let run = &self.runs[i];
-                for k in run.from..run.to {
-                    let (r, y, z) = (beams.range_m[k], beams.y_m[k], beams.z_m[k]);
-                    if line.residual_m(r, y, z).abs() <= limit_m {
-                        self.kept.push_point(r, y, z);
-                        self.kept_at.push(k);
-                        sums.add(r, y, z, 1.0);
-                    }
-                }
-                next = run.next;
-            }
-            if self.kept_at.len() < self.options.min_points {
-                return None;
-            }
-            line = sums.line()?;
-            if self.kept_at.len() == before {
-                break;
-            }
-        }
-        Some(line)
-    }
-
-    fn segment(&self, piece: BeamSlice<'_>, start: NormalLine, scan: &Scan) -> Option<Segment> {
-        if piece.len() < self.options.min_points {
-            return None;
-        }
-        let line = fit::fit_from(start, piece, self.options.segmentation.sigma_m)?;
-        let ends_m = [
-            on_line(line.normal, piece.y_m.first()?, piece.z_m.first()?),
-            on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
-        ];
-        let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
-        (length_m >= self.options.min_length_m).then_some(Segment {
-            stamp: scan.stamp,
-            seq: scan.seq,
-            line: 0,
-            normal: line.normal,
-            ends_m,
-            points: line.points,
-            covariance: [line.cov_dd, line.cov_da, line.cov_aa],
-            rms_m: line.rms_m,
-        })
-    }
 }
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
@@ -398,7 +314,6 @@ const COARSE_STEP: usize = 4;
 const BORDER_PATIENCE: usize = 3;
 /// Beams that one of two runs must have before they may be merged.
 const MERGE_EVIDENCE: usize = 4;
-const TRIM_ROUNDS: usize = 4;
 
 /// Largest first-order range residual, m. In lanes, so that it goes through vector registers.
 fn largest_residual_m(run: BeamSlice<'_>, line: InverseLine) -> f64 {
@@ -433,13 +348,6 @@ fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
         }
     }
     farthest.0
-}
-
-/// Where the beam through a point meets a line, m.
-fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {
-    let (sin, cos) = line.alpha_rad.sin_cos();
-    let scale = line.d_m / (y_m * cos + z_m * sin);
-    [y_m * scale, z_m * scale]
 }
 
 #[cfg(test)]
@@ -631,9 +539,9 @@ mod tests {
             .iter_mut()
             .for_each(|range_m| *range_m *= 2.0);
         let mut options = SplitAndMergeOptions::default();
-        options.segmentation.sigma_m *= 2.0;
-        options.segmentation.max_gap_m *= 2.0;
-        options.min_length_m *= 2.0;
+        options.common.segmentation.sigma_m *= 2.0;
+        options.common.segmentation.max_gap_m *= 2.0;
+        options.common.min_length_m *= 2.0;
         let mut scaled = Vec::new();
         SplitAndMerge::new(options).extract(&twice, &mut scaled);
         let reference = lines(&once);

@@ -6,11 +6,12 @@
 //! and repeats until all agree. With few boxes it is within a per cent of the exact posterior, and
 //! its covariance is that of the posterior, not of a fit to mid-points.
 
-use nalgebra::{SMatrix, SVector};
+use super::gaussian::Gaussian;
+use nalgebra::SVector;
 
 /// A softened box: `low <= row . state <= high`, each bound blurred by a Gaussian of `softness`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BoxFactor<const N: usize> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxFactor<const N: usize> {
     /// The linear form.
     pub row: SVector<f64, N>,
     /// Lower bound.
@@ -21,38 +22,43 @@ pub(super) struct BoxFactor<const N: usize> {
     pub softness: f64,
 }
 
-/// A Gaussian state.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Gaussian<const N: usize> {
-    /// Mean.
-    pub mean: SVector<f64, N>,
-    /// Covariance.
-    pub covariance: SMatrix<f64, N, N>,
+/// The Gaussian factor along a box's form that stands for the box: precision, and precision times
+/// mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Site {
+    /// Precision.
+    pub tau: f64,
+    /// Precision times mean.
+    pub nu: f64,
 }
 
-/// Part of a site's change that is taken over in one sweep.
+/// Part of a site's change that is taken over in one sweep, after the first.
 const DAMPING: f64 = 0.8;
+/// Sites that move the state by less than this share of its standard deviation have settled.
+const SETTLED: f64 = 1e-3;
 
-/// The prior under all boxes, after at most `sweeps` passes over them.
-pub(super) fn propagate<const N: usize>(
-    prior: &Gaussian<N>,
+/// Puts `state` under all boxes, in at most `sweeps` passes over them. The sites are overwritten.
+pub fn propagate<const N: usize>(
+    state: &mut Gaussian<N>,
     boxes: &[BoxFactor<N>],
+    sites: &mut Vec<Site>,
     sweeps: usize,
-) -> Gaussian<N> {
-    let mut state = *prior;
-    let mut sites = vec![(0.0f64, 0.0f64); boxes.len()];
+) {
+    sites.clear();
+    sites.resize(boxes.len(), Site::default());
+    let mut share = 1.0;
     for _ in 0..sweeps {
         let mut change = 0.0f64;
-        for (factor, (tau, nu)) in boxes.iter().zip(&mut sites) {
-            let gain = state.covariance * factor.row;
+        for (factor, site) in boxes.iter().zip(sites.iter_mut()) {
+            let gain = state.along(&factor.row);
             let variance = factor.row.dot(&gain);
             let mean = factor.row.dot(&state.mean);
-            let free = 1.0 - variance * *tau;
+            let free = 1.0 - variance * site.tau;
             if !(free > 1e-9 && variance > 0.0) {
                 continue;
             }
             let cavity_variance = variance / free;
-            let cavity_mean = (mean - variance * *nu) / free;
+            let cavity_mean = (mean - variance * site.nu) / free;
             let (new_mean, new_variance) = box_moments(cavity_mean, cavity_variance, factor);
             let wanted_tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
             let wanted_nu = if wanted_tau > 0.0 {
@@ -60,21 +66,21 @@ pub(super) fn propagate<const N: usize>(
             } else {
                 0.0
             };
-            let d_tau = DAMPING * (wanted_tau - *tau);
-            let d_nu = DAMPING * (wanted_nu - *nu);
-            *tau += d_tau;
-            *nu += d_nu;
-            // Rank-one update of covariance and mean by the change of the site.
-            let scale = 1.0 / (1.0 + d_tau * variance);
-            change = change.max((d_nu - d_tau * mean).abs() * variance.sqrt());
-            state.mean += gain * ((d_nu - d_tau * mean) * scale);
-            state.covariance -= gain * gain.transpose() * (d_tau * scale);
+            let d_tau = share * (wanted_tau - site.tau);
+            let d_nu = share * (wanted_nu - site.nu);
+            site.tau += d_tau;
+            site.nu += d_nu;
+            let pull = d_nu - d_tau * mean;
+            change = change
+                .max(pull.abs() * variance.sqrt())
+                .max((d_tau * variance).abs());
+            state.tighten(&gain, variance, d_tau, pull);
         }
-        if change < 1e-4 {
+        share = DAMPING;
+        if change < SETTLED {
             break;
         }
     }
-    state
 }
 
 /// Mean and variance of a Gaussian restricted to a softened box.
@@ -131,6 +137,7 @@ fn normal_between(low: f64, high: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::SMatrix;
 
     /// Moments of N(m, v) times the softened box, by summing over a fine grid.
     fn moments_by_sum(m: f64, v: f64, low: f64, high: f64, soft: f64) -> (f64, f64) {
@@ -200,7 +207,8 @@ mod tests {
                 softness: 1e-3,
             },
         ];
-        let state = propagate(&prior, &boxes, 30);
+        let mut state = prior;
+        propagate(&mut state, &boxes, &mut Vec::new(), 30);
         let (mut w, mut m, mut c) = (0.0, [0.0; 2], [0.0; 3]);
         for i in 0..2000 {
             for j in 0..2000 {
@@ -242,7 +250,8 @@ mod tests {
             mean: SVector::<f64, 2>::new(1.0, -2.0),
             covariance: SMatrix::<f64, 2, 2>::identity(),
         };
-        let state = propagate(&prior, &[], 5);
+        let mut state = prior;
+        propagate(&mut state, &[], &mut Vec::new(), 5);
         assert_eq!(state.mean, prior.mean);
         assert_eq!(state.covariance, prior.covariance);
     }

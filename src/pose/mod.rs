@@ -7,7 +7,8 @@
 
 pub mod alignment;
 pub mod calibration;
-mod interval;
+pub mod gaussian;
+pub mod interval;
 pub mod joint;
 pub mod pitch;
 pub mod vote;

@@ -2,7 +2,7 @@
 
 use super::columns::{self, Record, Value, ValueError, Visit, VisitMut};
 use super::time::Stamp;
-use super::{Presence, Scan, upper_index};
+use super::{Presence, Scan, ScanMotion, upper_index};
 
 /// A line in the scan plane of S: `y cos(alpha) + z sin(alpha) = d`, `d >= 0`.
 ///
@@ -246,7 +246,8 @@ pub struct ReflectorLines {
     /// was not seen; empty where the lines were not fitted jointly. The prior on the range bias
     /// is in it.
     pub joint_cov: Vec<f64>,
-    /// Platform velocity along y in the scan plane that was taken out of the scan, m/s.
+    /// Velocity of the scanner along y of S at the reference instant that was taken out of the
+    /// scan, m/s; see [`ScanMotion`].
     pub motion_vy_m_s: f64,
     /// Velocity along z that was taken out, m/s.
     pub motion_vz_m_s: f64,
@@ -295,6 +296,22 @@ impl ReflectorLines {
             joint_cov,
             ..ReflectorLines::default()
         };
+    }
+
+    /// The motion that was taken out.
+    pub fn motion(&self) -> ScanMotion {
+        ScanMotion {
+            vy_m_s: self.motion_vy_m_s,
+            vz_m_s: self.motion_vz_m_s,
+            roll_rad_s: self.motion_roll_rad_s,
+        }
+    }
+
+    /// Says which motion was taken out.
+    pub fn set_motion(&mut self, motion: ScanMotion) {
+        self.motion_vy_m_s = motion.vy_m_s;
+        self.motion_vz_m_s = motion.vz_m_s;
+        self.motion_roll_rad_s = motion.roll_rad_s;
     }
 
     /// The lines in the order of [`LINE_STATE`]: right, upper, left.

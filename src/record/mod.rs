@@ -22,7 +22,7 @@ pub mod text;
 mod time;
 mod trajectory;
 
-pub use beams::BeamTable;
+pub use beams::{BeamTable, ScanMotion};
 pub use clock::ClockExchange;
 pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};
 pub use delay::DelayPoint;

@@ -157,3 +157,77 @@ fn nonsense_is_no_lines() {
         assert!(fit.fit(&scan).is_none(), "{value}");
     }
 }
+
+/// A scan of three lines from a scanner that moves, without the estimator's or the simulator's
+/// arithmetic: each line is two points, and each beam is intersected with the segments.
+fn moving_scan(lines: &[NormalLine; 3], motion: ScanMotion, bias_m: f64) -> Scan {
+    let mut scan = Scan {
+        angle_min_rad: -5f64.to_radians(),
+        angle_increment_rad: 0.25f64.to_radians(),
+        time_increment_s: 1.0 / 35.0 / 1440.0,
+        scan_time_s: 1.0 / 35.0,
+        ..Scan::default()
+    };
+    let segments = lines.map(|line| {
+        let (s, c) = line.alpha_rad.sin_cos();
+        let foot = [line.d_m * c, line.d_m * s];
+        [20.0, -20.0].map(|t| [foot[0] - t * s, foot[1] + t * c])
+    });
+    scan.ranges_m = (0..761)
+        .map(|i| {
+            let angle = scan.angle_rad(i);
+            let tau = (angle - FRAC_PI_2) / (2.0 * PI) / 35.0;
+            let at = [motion.vy_m_s * tau, motion.vz_m_s * tau];
+            let (v, u) = (angle + motion.roll_rad_s * tau).sin_cos();
+            let ranges = segments.map(|[a, b]| {
+                let (ey, ez) = (b[0] - a[0], b[1] - a[1]);
+                let (py, pz) = (a[0] - at[0], a[1] - at[1]);
+                let range = (py * ez - pz * ey) / (u * ez - v * ey);
+                if range > 0.0 { range } else { f64::INFINITY }
+            });
+            ranges.into_iter().fold(f64::INFINITY, f64::min) + bias_m
+        })
+        .collect::<Vec<f64>>()
+        .into();
+    scan
+}
+
+#[test]
+fn lines_of_the_reference_instant_come_out_of_a_moving_scan() {
+    let frame = frame(&[("background_gap_m = 0.70", "# background_gap_m = 0.70")]);
+    for (y, z, roll, motion) in [
+        (-3.2, 0.8, 0.01, [2.8, 1.05, 0.0]),
+        (3.0, 3.2, -0.02, [-2.8, -1.05, 0.22]),
+        (0.3, 2.0, 0.005, [0.4, -3.0, -0.9]),
+    ] {
+        let lines = [
+            NormalLine::new(10.45 / 2.0 - y, -roll),
+            NormalLine::new(5.5 - z, FRAC_PI_2 - roll),
+            NormalLine::new(10.45 / 2.0 + y, PI - roll),
+        ];
+        let [vy_m_s, vz_m_s, roll_rad_s] = motion;
+        let motion = ScanMotion {
+            vy_m_s,
+            vz_m_s,
+            roll_rad_s,
+        };
+        let scan = moving_scan(&lines, motion, 0.004);
+        let options = Options {
+            bias_sigma_m: 10.0,
+            track: false,
+            ..Options::default()
+        };
+        let mut fit = ReflectorFit::new(&frame, options);
+        let off = |found: &JointLines| {
+            let each = found.lines.iter().zip(&lines);
+            each.map(|(a, b)| (a.d_m - b.d_m).abs().max((a.alpha_rad - b.alpha_rad).abs()))
+                .fold(0.0, f64::max)
+        };
+        let known = fit.fit_moving(&scan, motion).expect("lines");
+        assert!(off(&known) < 2e-6, "{}", off(&known));
+        assert!((known.bias_m - 0.004).abs() < 2e-6);
+        // The test can fail: at rest the same ranges say something else by millimetres.
+        let at_rest = fit.fit(&scan).expect("lines");
+        assert!(off(&at_rest) > 2e-3, "{}", off(&at_rest));
+    }
+}

@@ -1,21 +1,24 @@
 //! What one scan says of its pose and of the parameters, linearised.
 
-use super::super::joint::{self, LINE_ROWS};
+use super::super::joint::{self, Boundary, WhiteLines};
 use super::parameters::{BIAS, DY, DZ, FOOTPRINT, Layout, SCALE, THRESHOLD, TURN, X_CONSTANT};
 use super::{Observation, Options};
 use crate::frame::{Crossing, Frame, ScannerPose};
 use crate::record::{Edge, EdgeKind, Face};
 use nalgebra::{DMatrix, DVector};
 
+const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
+/// Line parameters and the bias.
+const LINE_ROWS: usize = 7;
 /// A scan's own unknowns: x, y, z, roll, pitch, yaw, range bias, threshold, footprint scale.
-pub(super) const OWN: usize = 9;
-pub(super) const X: usize = 0;
-const ROLL: usize = 3;
-const PITCH: usize = 4;
-const YAW: usize = 5;
-const OWN_BIAS: usize = 6;
-const OWN_THRESHOLD: usize = 7;
-const OWN_FOOTPRINT: usize = 8;
+pub(super) const OWN: usize = joint::STATE;
+pub(super) const X: usize = joint::X;
+const ROLL: usize = joint::ROLL;
+const PITCH: usize = joint::PITCH;
+const YAW: usize = joint::YAW;
+const OWN_BIAS: usize = joint::BIAS;
+const OWN_THRESHOLD: usize = joint::THRESHOLD;
+const OWN_FOOTPRINT: usize = joint::FOOTPRINT;
 /// Own unknowns.
 pub(super) type Own = [f64; OWN];
 
@@ -97,7 +100,7 @@ pub(super) fn linearise(
         forms: Vec::with_capacity(observation.lines.edges.len()),
     };
     let pose = ScannerPose::new(frame, [own[0], own[1], own[2]], [own[3], own[4], own[5]]);
-    add_lines(&mut system, observation, frame, own, value(SCALE), layout)?;
+    add_lines(&mut system, observation, &pose, own, value(SCALE), layout)?;
 
     system.add(
         &[(OWN_BIAS, 1.0), (at(BIAS), -1.0)],
@@ -157,41 +160,48 @@ pub(super) fn linearise(
 fn add_lines(
     system: &mut System,
     observation: &Observation,
-    frame: &Frame,
+    pose: &ScannerPose,
     own: &Own,
     scale: f64,
     layout: Layout,
 ) -> Option<()> {
-    let state = joint::State::from_fn(|k, _| own.get(k).copied().unwrap_or(0.0));
-    let (rows, mut residuals, weights) = joint::line_equations(&observation.lines, frame, &state)?;
-    let n = OWN + layout.count();
-    let mut full = DMatrix::zeros(LINE_ROWS, n);
-    for row in 0..LINE_ROWS {
-        for k in 0..=OWN_BIAS {
-            full[(row, k)] = rows[(row, k)];
-        }
-    }
-    for (k, line) in observation.lines.lines().into_iter().enumerate() {
-        if !line.is_seen() {
+    let lines = &observation.lines;
+    let white = WhiteLines::new(lines)?;
+    let (rows, mut residuals) = white.equations(lines, pose, &joint::Vector::from(*own));
+    // In the parameters: the frame's size and the range scale move distances.
+    let mut shared = DMatrix::zeros(LINE_ROWS, layout.count());
+    for (k, face) in FACES.into_iter().enumerate() {
+        if !white.known[2 * k] {
             continue;
         }
-        let row = 2 * k;
-        let d_m = line.normal.d_m - residuals[row];
-        residuals[row] -= scale * d_m;
-        full[(row, OWN + layout.other(SCALE))] = d_m;
-        // A wall that stands further out is a platform that is further from it.
-        let (size, along, share) = [(DY, 1, -0.5), (DZ, 2, -1.0), (DY, 1, 0.5)][k];
-        full[(row, OWN + layout.other(size))] = share * rows[(row, along)];
-        for k in 0..6 {
-            full[(row, k)] *= 1.0 + scale;
-        }
+        let line = pose.line(face);
+        let (size, along, share) = size_of(face);
+        shared[(2 * k, layout.other(size))] = share * line.d_d[along];
+        shared[(2 * k, layout.other(SCALE))] = line.normal.d_m;
     }
-    let weights = DMatrix::from_fn(LINE_ROWS, LINE_ROWS, |i, j| weights[(i, j)]);
-    let residuals = DVector::from_fn(LINE_ROWS, |i, _| residuals[i]);
-    let weighted = full.transpose() * weights;
-    system.information += &weighted * &full;
-    system.vector += weighted * residuals;
+    let scaled = shared.column(layout.other(SCALE)) * scale;
+    residuals -= white.whitener * nalgebra::SVector::<f64, LINE_ROWS>::from_fn(|k, _| scaled[k]);
+    let shared = DMatrix::from_fn(LINE_ROWS, LINE_ROWS, |i, j| white.whitener[(i, j)]) * shared;
+    let n = OWN + layout.count();
+    for k in (0..LINE_ROWS).filter(|k| white.known[*k]) {
+        let row = DVector::from_fn(n, |j, _| match j {
+            j if j < OWN => rows[(k, j)],
+            j => shared[(k, j - OWN)],
+        });
+        system.information.ger(1.0, &row, &row, 1.0);
+        system.vector.axpy(residuals[k], &row, 1.0);
+    }
     Some(())
+}
+
+/// Which size of the box a face's place depends on, the axis of the platform's place to which that
+/// is opposite, and the share: a face further out is a platform that is further from it.
+fn size_of(face: Face) -> (usize, usize, f64) {
+    match face {
+        Face::Right => (DY, 1, -0.5),
+        Face::Upper => (DZ, 2, -1.0),
+        Face::Left => (DY, 1, 0.5),
+    }
 }
 
 /// The edges. g is the signed distance of a beam's crossing from the strip's boundary, along y on the
@@ -245,63 +255,30 @@ fn add_edges(
 
 /// Change of g over the angle at a measured edge, m/rad.
 fn rate_of(edge: &Edge, frame: &Frame, pose: &ScannerPose) -> Option<f64> {
-    let boundary = Boundary::of(edge, frame)?;
-    let step = 1e-5;
-    let [a, b] = [edge.edge_rad - step, edge.edge_rad + step].map(|r| pose.crossing(r, edge.face));
-    Some((boundary.g(&b?) - boundary.g(&a?)) / (2.0 * step))
+    let crossing = pose.crossing(edge.edge_rad, edge.face)?;
+    Some(Boundary::of(edge, frame)?.d_g(&crossing.d_angle))
 }
 
-/// A strip's boundary as an edge crosses it.
-struct Boundary {
+/// Derivatives of g to own unknowns and parameters at a crossing.
+fn row(
+    boundary: &Boundary,
+    edge: &Edge,
     strip: usize,
-    upper: bool,
-    /// Sign of g: with growing beam angle v falls on ceiling and left wall, rises on the right wall.
-    sign: f64,
-    /// 1 is y, 2 is z.
-    v: usize,
-    offset_m: f64,
-    slope: f64,
-}
-
-impl Boundary {
-    fn of(edge: &Edge, frame: &Frame) -> Option<Boundary> {
-        let index = usize::try_from(edge.strip).ok()?;
-        let strip = frame.strips.get(index).filter(|s| s.face == edge.face)?;
-        let upper = (edge.kind == EdgeKind::On) == (edge.face != Face::Right);
-        let side = if upper { 0.5 } else { -0.5 };
-        Some(Boundary {
-            strip: index,
-            upper,
-            sign: if edge.face == Face::Right { -1.0 } else { 1.0 },
-            v: if edge.face == Face::Upper { 1 } else { 2 },
-            offset_m: strip.offset_m + side * strip.width_m,
-            slope: strip.slope(),
-        })
+    c: &Crossing,
+    layout: Layout,
+) -> DVector<f64> {
+    let mut row = DVector::zeros(OWN + layout.count());
+    for (k, d) in c.d_point.iter().enumerate() {
+        row[k] = boundary.d_g(d);
     }
-
-    fn g(&self, c: &Crossing) -> f64 {
-        self.sign * (c.point_m[self.v] - self.offset_m - self.slope * c.point_m[0])
-    }
-
-    /// Derivatives of g to own unknowns and parameters at a crossing.
-    fn row(&self, c: &Crossing, face: Face, layout: Layout) -> DVector<f64> {
-        let mut row = DVector::zeros(OWN + layout.count());
-        let along = |d: &[f64; 3]| self.sign * (d[self.v] - self.slope * d[0]);
-        for (k, d) in c.d_point.iter().enumerate() {
-            row[k] = along(d);
-        }
-        row[OWN + layout.edge(self.strip, self.upper)] = -self.sign;
-        let secant_sq = 1.0 + self.slope * self.slope;
-        row[OWN + layout.inclination(self.strip)] = -self.sign * secant_sq * c.point_m[0];
-        // A face further out is met further along the beam, as by a platform further from it.
-        let (size, axis, share) = match face {
-            Face::Right => (DY, 1, -0.5),
-            Face::Upper => (DZ, 2, -1.0),
-            Face::Left => (DY, 1, 0.5),
-        };
-        row[OWN + layout.other(size)] = share * row[axis];
-        row
-    }
+    let upper = (edge.kind == EdgeKind::On) == (edge.face != Face::Right);
+    row[OWN + layout.edge(strip, upper)] = -boundary.sign;
+    let secant_sq = 1.0 + boundary.slope * boundary.slope;
+    row[OWN + layout.inclination(strip)] = -boundary.sign * secant_sq * c.point_m[0];
+    // A face further out is met further along the beam, as by a platform further from it.
+    let (size, axis, share) = size_of(edge.face);
+    row[OWN + layout.other(size)] = share * row[axis];
+    row
 }
 
 /// An edge as a form; none where it belongs to no strip or says nothing.
@@ -314,9 +291,11 @@ fn form(
     layout: Layout,
 ) -> Option<Form> {
     let boundary = Boundary::of(edge, frame)?;
+    let strip = usize::try_from(edge.strip).ok()?;
+    let row = |c: &Crossing| row(&boundary, edge, strip, c, layout);
     let from = pose.crossing(edge.from_rad, edge.face)?;
     let to = pose.crossing(edge.to_rad, edge.face)?;
-    let (g_from, g_to) = (boundary.g(&from), boundary.g(&to));
+    let (g_from, g_to) = (boundary.g_m(&from), boundary.g_m(&to));
     let rate = (g_to - g_from) / (edge.to_rad - edge.from_rad);
     let spot_m = (rate * edge.d_threshold).abs();
     if !(g_from > g_to && spot_m < SPOT_LIMIT_M) {
@@ -325,12 +304,12 @@ fn form(
     let finite = |form: Form| form.row.iter().all(|r| r.is_finite()).then_some(form);
     if edge.edge_rad.is_finite() && edge.sigma_rad > 0.0 {
         let at = pose.crossing(edge.edge_rad, edge.face)?;
-        let rate = rate_of(edge, frame, pose)?;
-        let mut row = boundary.row(&at, edge.face, layout);
+        let rate = boundary.d_g(&at.d_angle);
+        let mut row = row(&at);
         // The estimate holds for the frame file's footprint; with another it lies elsewhere.
         let d_footprint = rate * edge.d_footprint;
         row[OWN_FOOTPRINT] = d_footprint;
-        let value = -boundary.g(&at) - d_footprint * (own[OWN_FOOTPRINT] - footprint_scale);
+        let value = -boundary.g_m(&at) - d_footprint * (own[OWN_FOOTPRINT] - footprint_scale);
         return finite(Form {
             row,
             low: value,
@@ -339,8 +318,7 @@ fn form(
             measured: true,
         });
     }
-    let mut row =
-        0.5 * (boundary.row(&from, edge.face, layout) + boundary.row(&to, edge.face, layout));
+    let mut row = 0.5 * (row(&from) + row(&to));
     let d_threshold = -rate * edge.d_threshold;
     row[OWN_THRESHOLD] = d_threshold;
     let shifted = d_threshold * own[OWN_THRESHOLD];

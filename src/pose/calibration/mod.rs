@@ -108,7 +108,7 @@ pub enum CalibrationError {
 }
 
 /// Fewest scans.
-pub const FEWEST: usize = 30;
+pub const FEWEST: usize = 16;
 /// Scans kept; beyond, every second one goes.
 pub const KEPT: usize = 4000;
 /// A scan counts as another one where the platform has moved by this much since the last one that

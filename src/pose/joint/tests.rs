@@ -1,8 +1,9 @@
+use super::state::threshold_mean;
 use super::*;
 use crate::edges::EdgeMeter;
 use crate::lines::reflectors::{self, ReflectorFit};
 use crate::motion::{self, Motion, State};
-use crate::record::{Axes, Stamp};
+use crate::record::{Axes, EdgeKind, Stamp};
 use crate::simulate::staged::{frame, scattered};
 use crate::simulate::{Course, Parameters, Seed, Setup, Simulator, Step};
 use rand_chacha::ChaCha8Rng;
@@ -17,6 +18,10 @@ fn lines_of(frame: &Frame, step: &Step) -> ReflectorLines {
     fit.record(&found, &mut lines);
     EdgeMeter::new(frame).measure(&step.scan, &mut lines);
     lines
+}
+
+fn solve(lines: &ReflectorLines, frame: &Frame, pitch: Option<Pitch>, options: &Options) -> Pose {
+    Estimator::new(frame, *options).solve(lines, pitch, &[])
 }
 
 fn known(step: &Step) -> Option<Pitch> {
@@ -303,7 +308,7 @@ fn each_edge_has_the_pitch_of_its_own_instant() {
             .collect();
         let options = Options::default();
         for (sums, changes_rad) in [(&mut frozen, &[][..]), (&mut followed, &changes_rad[..])] {
-            let pose = solve_pitching(&lines, &frame, known(step), changes_rad, &options);
+            let pose = Estimator::new(&frame, options).solve(&lines, known(step), changes_rad);
             let e = errors(step, &pose);
             sums[0] += e[0] * e[0];
             sums[1] += e[5] * e[5];

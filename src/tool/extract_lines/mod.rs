@@ -1,12 +1,14 @@
 //! extract-lines: scans in; reflector lines with strip edges, or the lines of any scene, out.
 
-use crate::edges::EdgeMeter;
+mod general;
+mod reflectors;
+
+use self::general::GeneralArgs;
+use self::reflectors::ReflectorArgs;
 use crate::frame::Frame;
-use crate::lines::reflectors::{self, ReflectorFit};
-use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{ReflectorLines, Scan, Segment};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
+use crate::stream::{Fault, Outcome};
 use crate::tool::common::CommonArgs;
+use clap::ValueEnum;
 use std::path::PathBuf;
 
 /// The command line.
@@ -44,89 +46,35 @@ pub struct Args {
 pub enum Method {
     /// The frame's three reflector lines and the strip edges
     Reflectors,
-    /// All lines of any scene
+    /// Groups are split at corners, then what lies on one line is merged
     SplitAndMerge,
+    /// Iterative end point fit: groups are split at the point farthest from the chord
+    Iepf,
+    /// Line tracking: a line grows beam by beam until one is off
+    Incremental,
+    /// Lines through sliding windows, clustered
+    LineRegression,
+    /// The partition of each group into lines that is most likely
+    Ml,
+    /// Random pairs of points, and the line that most points agree with
+    Ransac,
+    /// Hough transform (Duda and Hart)
+    Hough,
+    /// Hierarchical Hough transform (Li, Lavin and Le Master)
+    FastHough,
+    /// Hough transform in windows around the lines predicted (Kurniawan 2017, eq. 4.5 to 4.10)
+    ModifiedHough,
+    /// Expectation maximisation
+    Em,
+    /// Kurniawan's whole strategy: modified Hough, corner points, RANSAC, least squares
+    Dissertation,
 }
 
-/// Settings of the reflector fit.
-#[derive(Clone, Copy, Debug, clap::Args)]
-#[command(next_help_heading = "Reflector lines")]
-struct ReflectorArgs {
-    /// Standard deviation of a range [default: from each scan's own residuals]
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    range_sigma_mm: Option<f64>,
-    /// Prior standard deviation of the range bias common to all beams [default: 15]
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    bias_sigma_mm: Option<f64>,
-    /// Look for the reflectors anew in every scan, without the scan before as a prediction
-    #[arg(long)]
-    cold: bool,
-}
-
-impl ReflectorArgs {
-    /// The first option that is given.
-    fn given(&self) -> Option<&'static str> {
-        let options = [
-            (self.range_sigma_mm.is_some(), "--range-sigma-mm"),
-            (self.bias_sigma_mm.is_some(), "--bias-sigma-mm"),
-            (self.cold, "--cold"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
-    }
-
-    fn options(&self) -> reflectors::Options {
-        reflectors::Options {
-            sigma_m: self.range_sigma_mm.map(|mm| mm / 1000.0),
-            bias_sigma_m: self.bias_sigma_mm.unwrap_or(15.0) / 1000.0,
-            track: !self.cold,
-            ..reflectors::Options::default()
-        }
-    }
-}
-
-/// Settings of the extractors for any scene.
-#[derive(Clone, Copy, Debug, clap::Args)]
-#[command(next_help_heading = "Lines of any scene")]
-struct GeneralArgs {
-    /// Standard deviation of a range; rather too large than too small [default: 6.5]
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    sigma_mm: Option<f64>,
-    /// Fewest beams on a line [default: 9]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
-    min_points: Option<u32>,
-    /// Shortest line [default: 0.5]
-    #[arg(long, value_name = "M", value_parser = positive)]
-    min_length_m: Option<f64>,
-    /// Widest gap within a line [default: 0.5]
-    #[arg(long, value_name = "M", value_parser = positive)]
-    max_gap_m: Option<f64>,
-}
-
-impl GeneralArgs {
-    /// The first option that is given.
-    fn given(&self) -> Option<&'static str> {
-        let options = [
-            (self.sigma_mm.is_some(), "--sigma-mm"),
-            (self.min_points.is_some(), "--min-points"),
-            (self.min_length_m.is_some(), "--min-length-m"),
-            (self.max_gap_m.is_some(), "--max-gap-m"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
-    }
-
-    fn options(&self) -> SplitAndMergeOptions {
-        let mut options = SplitAndMergeOptions::default();
-        options.segmentation.sigma_m = self.sigma_mm.unwrap_or(6.5) / 1000.0;
-        options.segmentation.max_gap_m = self.max_gap_m.unwrap_or(0.5);
-        options.min_points = self.min_points.unwrap_or(9) as usize;
-        options.min_length_m = self.min_length_m.unwrap_or(0.5);
-        options
+impl Method {
+    /// Its name on the command line.
+    fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 }
 
@@ -158,111 +106,24 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let method = args.method.unwrap_or(default);
     refuse_foreign(method, &args)?;
     match method {
-        Method::Reflectors => reflector_lines(frame, &args, &options),
-        Method::SplitAndMerge => {
-            let mut stage = General {
-                extractor: SplitAndMerge::new(args.general.options()),
-                segments: Vec::new(),
-            };
-            stream::filter(&options, args.input.as_deref(), &mut stage)
+        Method::Reflectors => {
+            reflectors::run(frame, &args.reflectors, args.input.as_deref(), &options)
         }
+        method => general::run(method, &args.general, args.input.as_deref(), &options),
     }
 }
 
-/// Refuses an option of the other method, which would have no effect.
+/// Refuses an option of another kind of method, which would have no effect.
 fn refuse_foreign(method: Method, args: &Args) -> Result<(), Fault> {
-    let (foreign, owner, used) = match method {
-        Method::Reflectors => (args.general.given(), "split-and-merge", "reflectors"),
-        Method::SplitAndMerge => (args.reflectors.given(), "reflectors", "split-and-merge"),
+    let (foreign, owner) = match method {
+        Method::Reflectors => (args.general.given(), "the methods for any scene"),
+        _ => (args.reflectors.given(), "--method reflectors"),
     };
     foreign.map_or(Ok(()), |option| {
-        let text = format!("{option} belongs to --method {owner}; the method is {used}");
+        let used = method.name();
+        let text = format!("{option} belongs to {owner}; the method is {used}");
         Err(Fault::Usage(text))
     })
-}
-
-fn reflector_lines(
-    frame: Option<Frame>,
-    args: &Args,
-    options: &Options,
-) -> anyhow::Result<Outcome> {
-    let Some(frame) = frame else {
-        let text = "--method reflectors needs the frame: -f FILE";
-        return Err(Fault::Usage(text.to_owned()).into());
-    };
-    let mut stage = Reflectors {
-        fit: ReflectorFit::new(&frame, args.reflectors.options()),
-        edges: EdgeMeter::new(&frame),
-        lines: ReflectorLines::default(),
-        without: 0,
-        scans: 0,
-    };
-    stream::filter(options, args.input.as_deref(), &mut stage)
-}
-
-/// Scans in, the reflector lines and strip edges of each out.
-struct Reflectors {
-    fit: ReflectorFit,
-    edges: EdgeMeter,
-    lines: ReflectorLines,
-    scans: u64,
-    without: u64,
-}
-
-impl Stage for Reflectors {
-    type In = Scan;
-    type Out = ReflectorLines;
-
-    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
-        self.scans += 1;
-        self.lines.begin(scan);
-        match self.fit.fit(scan) {
-            Some(fit) => {
-                self.fit.record(&fit, &mut self.lines);
-                self.edges.measure(scan, &mut self.lines);
-            }
-            None => self.without += 1,
-        }
-        emit.write(&self.lines)
-    }
-
-    fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
-        if self.without > 0 {
-            eprintln!(
-                "extract-lines: no reflectors in {} of {} scans",
-                self.without, self.scans
-            );
-        }
-        let nothing = self.without == self.scans && self.scans > 0;
-        Ok(if nothing {
-            Outcome::Degraded
-        } else {
-            Outcome::Done
-        })
-    }
-}
-
-/// Scans in, the segments of each out.
-struct General {
-    extractor: SplitAndMerge,
-    segments: Vec<Segment>,
-}
-
-impl Stage for General {
-    type In = Scan;
-    type Out = Segment;
-
-    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, Segment>) -> anyhow::Result<()> {
-        self.extractor.extract(scan, &mut self.segments);
-        for segment in &self.segments {
-            emit.write(segment)?;
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self, _emit: &mut Emit<'_, Segment>) -> anyhow::Result<Outcome> {
-        Ok(Outcome::Done)
-    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

@@ -42,14 +42,14 @@ impl Align {
         pose: &Pose,
         attitude: &Attitude,
         frame: &Frame,
-        solve: impl Fn(Option<Pitch>) -> Pose,
+        mut solve: impl FnMut(Option<Pitch>) -> Pose,
     ) {
         let sigma = |pose: &Pose, k: usize| pose.cov(k, k).sqrt();
         let roll_rad = [pose.rotation_rad[0], sigma(pose, 3)];
         if !(roll_rad[0].is_finite() && roll_rad[1] > 0.0) {
             return;
         }
-        let with_prior = |sigma_rad| {
+        let mut with_prior = |sigma_rad| {
             solve(Some(Pitch {
                 sigma_rad,
                 ..attitude.pitch()

@@ -8,7 +8,7 @@ mod calibrate;
 pub use arguments::{Args, Method};
 
 use crate::frame::Frame;
-use crate::pose::joint;
+use crate::pose::joint::{self, Estimator};
 use crate::pose::pitch;
 use crate::pose::vote;
 use crate::record::{ImuSample, Pose, ReflectorLines};
@@ -33,6 +33,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         .align_imu
         .map(|path| Align::new(path, text, x_constant, options.quiet));
     let mut stage = Solve {
+        joint: Estimator::new(&frame, joint::Options::default()),
         frame,
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
@@ -48,6 +49,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 struct Solve {
     frame: Frame,
     method: Method,
+    joint: Estimator,
     attitude: AttitudeSource,
     align: Option<Align>,
     calibrate: Option<Calibrate>,
@@ -63,10 +65,8 @@ impl Stage for Solve {
         let attitude = self.attitude.attitude(lines, &self.frame)?;
         let pitch = self.attitude.pitch(attitude.as_ref());
         let changes_rad = &self.attitude.changes_rad;
-        let solve = |pitch| {
-            let options = joint::Options::default();
-            joint::solve_pitching(lines, &self.frame, pitch, changes_rad, &options)
-        };
+        let joint = &mut self.joint;
+        let mut solve = |pitch| joint.solve(lines, pitch, changes_rad);
         let pose = match self.method {
             Method::Joint => solve(pitch),
             Method::Vote => {

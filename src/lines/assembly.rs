@@ -1,0 +1,218 @@
+//! From beams on one line to a segment: what every extractor for general scenes ends with.
+//!
+//! Beams that lie too far off are left out, the rest is cut where the gap between neighbours is too
+//! wide, and every piece that is long enough is fitted.
+
+use super::extractor::{ExtractorOptions, Fate};
+use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
+use super::segmentation::Returns;
+use crate::record::{NormalLine, Scan, Segment, Stamp};
+use std::ops::Range;
+
+/// Makes a scan's segments; keeps its buffers from scan to scan.
+///
+/// [`Assembly::begin`] with the scan's returns, [`Assembly::add`] once a line, [`Assembly::end`].
+#[derive(Clone, Debug, Default)]
+pub struct Assembly {
+    /// The beams of the line at hand, and where they are among the returns.
+    kept: Beams,
+    kept_at: Vec<u32>,
+    fates: Vec<Fate>,
+    /// Where the line with the given number went when lines were put in order.
+    order: Vec<u32>,
+    stamp: Stamp,
+    seq: u32,
+}
+
+impl Assembly {
+    /// Begins a scan whose returns have been read; forgets the one before.
+    pub fn begin(&mut self, scan: &Scan, returns: &Returns, options: &ExtractorOptions) {
+        self.stamp = scan.stamp;
+        self.seq = scan.seq;
+        self.fates.clear();
+        if options.explain {
+            self.fates.resize(scan.beams(), Fate::NoReturn);
+            for beam in returns.spikes() {
+                self.fates[*beam as usize] = Fate::Spike;
+            }
+            for k in 0..returns.beams().len() {
+                self.fates[returns.beam(k) as usize] = Fate::Unused;
+            }
+        }
+    }
+
+    /// Adds the line through the returns of `runs`, which follow each other along it; or its
+    /// pieces where the beams left are too far apart, or nothing where they are too few or too
+    /// short. `start` is the extractor's own idea of the line, by default the best one through all
+    /// of its beams.
+    pub fn add(
+        &mut self,
+        returns: &Returns,
+        runs: impl Iterator<Item = Range<usize>> + Clone,
+        start: Option<InverseLine>,
+        options: &ExtractorOptions,
+        out: &mut Vec<Segment>,
+    ) {
+        let start = start.or_else(|| {
+            let beams = returns.beams();
+            let mut sums = InverseRangeSums::default();
+            for k in runs.clone().flatten() {
+                sums.add(beams.range_m[k], beams.y_m[k], beams.z_m[k], 1.0);
+            }
+            sums.line()
+        });
+        let Some(line) = self.keep_inliers(returns, runs, start, options) else {
+            return;
+        };
+        let normal = line.normal();
+        let (sin, cos) = normal.alpha_rad.sin_cos();
+        let max_gap_m = options.segmentation.max_gap_m;
+        let kept = std::mem::take(&mut self.kept);
+        let beams = kept.all();
+        let along = |k: usize| beams.z_m[k] * cos - beams.y_m[k] * sin;
+        let mut from = 0;
+        for k in 1..=beams.len() {
+            if k < beams.len() && (along(k) - along(k - 1)).abs() <= max_gap_m {
+                continue;
+            }
+            self.add_piece(returns, beams, from..k, normal, options, out);
+            from = k;
+        }
+        self.kept = kept;
+    }
+
+    /// Ends the scan: numbers the lines in the order of their first beams.
+    pub fn end(&mut self, out: &mut [Segment]) {
+        // Until here `line` is the first beam's index among the returns.
+        out.sort_unstable_by_key(|segment| segment.line);
+        if !self.fates.is_empty() {
+            self.order.clear();
+            self.order.extend(out.iter().map(|segment| segment.line));
+            for fate in &mut self.fates {
+                if let Fate::OnLine(line) = fate {
+                    *line = self.order.partition_point(|first| first < line) as u32;
+                }
+            }
+        }
+        for (line, segment) in out.iter_mut().enumerate() {
+            segment.line = line as u32;
+        }
+    }
+
+    /// What became of each beam; empty unless asked for.
+    pub fn fates(&self) -> &[Fate] {
+        &self.fates
+    }
+
+    /// Collects the beams that lie within the trim limit of their line.
+    fn keep_inliers(
+        &mut self,
+        returns: &Returns,
+        runs: impl Iterator<Item = Range<usize>> + Clone,
+        start: Option<InverseLine>,
+        options: &ExtractorOptions,
+    ) -> Option<InverseLine> {
+        let beams = returns.beams();
+        let limit_m = options.trim_sigmas * options.segmentation.sigma_m;
+        let mut line = start?;
+        self.kept_at.clear();
+        for _ in 0..TRIM_ROUNDS {
+            let before = self.kept_at.len();
+            self.kept.clear();
+            self.kept_at.clear();
+            let mut sums = InverseRangeSums::default();
+            for k in runs.clone().flatten() {
+                let (r, y, z) = (beams.range_m[k], beams.y_m[k], beams.z_m[k]);
+                if line.residual_m(r, y, z).abs() <= limit_m {
+                    self.kept.push_point(r, y, z);
+                    self.kept_at.push(k as u32);
+                    sums.add(r, y, z, 1.0);
+                }
+            }
+            if self.kept_at.len() < options.min_points {
+                self.judge(returns, runs.flatten(), Fate::FewBeams);
+                return None;
+            }
+            line = sums.line()?;
+            if self.kept_at.len() == before {
+                break;
+            }
+        }
+        self.judge(returns, runs.flatten(), Fate::OffLine);
+        Some(line)
+    }
+
+    fn add_piece(
+        &mut self,
+        returns: &Returns,
+        kept: BeamSlice<'_>,
+        piece: Range<usize>,
+        start: NormalLine,
+        options: &ExtractorOptions,
+        out: &mut Vec<Segment>,
+    ) {
+        let beams = kept.run(piece.start, piece.end);
+        let first = self.kept_at[piece.start];
+        let fate = if beams.len() < options.min_points {
+            Fate::FewBeams
+        } else {
+            match self.segment(beams, start, options) {
+                Some(segment) => {
+                    out.push(Segment {
+                        line: first,
+                        ..segment
+                    });
+                    Fate::OnLine(first)
+                }
+                None => Fate::TooShort,
+            }
+        };
+        if !self.fates.is_empty() {
+            for k in piece {
+                self.fates[returns.beam(self.kept_at[k] as usize) as usize] = fate;
+            }
+        }
+    }
+
+    fn segment(
+        &self,
+        piece: BeamSlice<'_>,
+        start: NormalLine,
+        options: &ExtractorOptions,
+    ) -> Option<Segment> {
+        let sigma_m = options.segmentation.sigma_m;
+        let line = fit::fit_near(start, piece, sigma_m, options.estimator, options.loss)?;
+        let ends_m = [
+            on_line(line.normal, piece.y_m.first()?, piece.z_m.first()?),
+            on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
+        ];
+        let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
+        (length_m >= options.min_length_m).then_some(Segment {
+            stamp: self.stamp,
+            seq: self.seq,
+            line: 0,
+            normal: line.normal,
+            ends_m,
+            points: line.points,
+            covariance: [line.cov_dd, line.cov_da, line.cov_aa],
+            rms_m: line.rms_m,
+        })
+    }
+
+    fn judge(&mut self, returns: &Returns, beams: impl Iterator<Item = usize>, fate: Fate) {
+        if !self.fates.is_empty() {
+            for k in beams {
+                self.fates[returns.beam(k) as usize] = fate;
+            }
+        }
+    }
+}
+
+const TRIM_ROUNDS: usize = 4;
+
+/// Where the beam through a point meets a line, m.
+fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {
+    let (sin, cos) = line.alpha_rad.sin_cos();
+    let scale = line.d_m / (y_m * cos + z_m * sin);
+    [y_m * scale, z_m * scale]
+}

@@ -1,0 +1,217 @@
+//! All lines of any scene: the options, the methods by name, and the stage.
+
+use super::{Method, positive};
+use crate::lines::extractor::{Extractor, ExtractorOptions};
+use crate::lines::fit::{Axis, Estimator, Loss};
+use crate::lines::segmentation::{Cut, SegmentationOptions};
+use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
+use crate::record::{Scan, Segment};
+use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
+use std::path::Path;
+
+/// Settings of the extractors for any scene.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Lines of any scene")]
+pub(super) struct GeneralArgs {
+    /// Standard deviation of a range; rather too large than too small [default: 6.5]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    sigma_mm: Option<f64>,
+    /// Fewest beams on a line [default: 9]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    min_points: Option<u32>,
+    /// Shortest line [default: 0.5]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    min_length_m: Option<f64>,
+    /// Widest gap within a line [default: 0.5]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    max_gap_m: Option<f64>,
+    /// Whether the scan is first cut into groups of connected beams [default: on]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "WHETHER",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "on"
+    )]
+    cluster: Option<Switch>,
+    /// What counts as a jump between two surfaces [default: adaptive]
+    #[arg(long, value_enum, value_name = "RULE")]
+    segment: Option<Segmentation>,
+    /// What a line is fitted by [default: ml]
+    #[arg(long, value_enum, value_name = "ESTIMATOR")]
+    fit: Option<Fit>,
+    /// The coordinate in error for --fit ols [default: the one that varies less along the line]
+    #[arg(long, value_enum, value_name = "AXIS")]
+    axis: Option<AxisName>,
+    /// What large residuals count for in the fit [default: none]
+    #[arg(long, value_enum, value_name = "LOSS")]
+    loss: Option<LossName>,
+    /// Seed of the methods that draw at random [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+/// Rules for jumps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Segmentation {
+    /// Neighbouring points further apart than the widest gap
+    Jump,
+    /// Successive edge following: neighbouring ranges that differ by more than 0.3 m
+    Sef,
+    /// A point further off than a surface seen at 10 deg would put it (Borges and Aldon)
+    Adaptive,
+    /// A point further off than the line expected there would put it (Kurniawan 2017, eq. 4.19)
+    Reflector,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Fit {
+    /// Maximum likelihood in the ranges
+    Ml,
+    /// Total least squares
+    Tls,
+    /// Ordinary least squares
+    Ols,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum AxisName {
+    Y,
+    Z,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum LossName {
+    None,
+    Huber,
+    Tukey,
+}
+
+impl GeneralArgs {
+    /// The first option that is given.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let options = [
+            (self.sigma_mm.is_some(), "--sigma-mm"),
+            (self.min_points.is_some(), "--min-points"),
+            (self.min_length_m.is_some(), "--min-length-m"),
+            (self.max_gap_m.is_some(), "--max-gap-m"),
+            (self.cluster.is_some(), "--cluster"),
+            (self.segment.is_some(), "--segment"),
+            (self.fit.is_some(), "--fit"),
+            (self.axis.is_some(), "--axis"),
+            (self.loss.is_some(), "--loss"),
+            (self.seed.is_some(), "--seed"),
+        ];
+        options
+            .iter()
+            .find(|(given, _)| *given)
+            .map(|(_, name)| *name)
+    }
+
+    fn options(&self) -> Result<ExtractorOptions, Fault> {
+        let clustered = self.cluster != Some(Switch::Off);
+        let cut = match self.segment {
+            Some(_) if !clustered => {
+                let text = "--segment says how --cluster cuts the scan; --cluster=off does not cut";
+                return Err(Fault::Usage(text.to_owned()));
+            }
+            None if !clustered => Cut::Nowhere,
+            None | Some(Segmentation::Adaptive) => Cut::Adaptive,
+            Some(Segmentation::Jump) => Cut::Jump,
+            Some(Segmentation::Sef) => Cut::Sef,
+            Some(Segmentation::Reflector) => Cut::Reflector,
+        };
+        if self.axis.is_some() && self.fit != Some(Fit::Ols) {
+            let text = "--axis belongs to --fit ols; the other fits need none";
+            return Err(Fault::Usage(text.to_owned()));
+        }
+        let estimator = match self.fit {
+            None | Some(Fit::Ml) => Estimator::MaximumLikelihood,
+            Some(Fit::Tls) => Estimator::TotalLeastSquares,
+            Some(Fit::Ols) => Estimator::OrdinaryLeastSquares(match self.axis {
+                None => Axis::Auto,
+                Some(AxisName::Y) => Axis::Y,
+                Some(AxisName::Z) => Axis::Z,
+            }),
+        };
+        let loss = match self.loss {
+            None | Some(LossName::None) => Loss::Squares,
+            Some(LossName::Huber) => Loss::HUBER,
+            Some(LossName::Tukey) => Loss::TUKEY,
+        };
+        let default = ExtractorOptions::default();
+        Ok(ExtractorOptions {
+            segmentation: SegmentationOptions {
+                cut,
+                sigma_m: self.sigma_mm.unwrap_or(6.5) / 1000.0,
+                max_gap_m: self.max_gap_m.unwrap_or(0.5),
+                ..default.segmentation
+            },
+            estimator,
+            loss,
+            min_points: self.min_points.map_or(default.min_points, |n| n as usize),
+            min_length_m: self.min_length_m.unwrap_or(default.min_length_m),
+            seed: self.seed.unwrap_or(default.seed),
+            ..default
+        })
+    }
+
+    /// The extractor of a method; none for the reflectors, which are no general scene.
+    fn extractor(&self, method: Method) -> Result<Box<dyn Extractor>, Fault> {
+        let common = self.options()?;
+        match method {
+            Method::SplitAndMerge => Ok(Box::new(SplitAndMerge::new(SplitAndMergeOptions {
+                common,
+                ..SplitAndMergeOptions::default()
+            }))),
+            _ => {
+                let text = format!("--method {} cannot be used here", method.name());
+                Err(Fault::Usage(text))
+            }
+        }
+    }
+}
+
+/// Reads scans and writes the segments of each.
+pub(super) fn run(
+    method: Method,
+    settings: &GeneralArgs,
+    input: Option<&Path>,
+    options: &Options,
+) -> anyhow::Result<Outcome> {
+    let mut stage = General {
+        extractor: settings.extractor(method)?,
+        segments: Vec::new(),
+    };
+    stream::filter(options, input, &mut stage)
+}
+
+/// Scans in, the segments of each out.
+struct General {
+    extractor: Box<dyn Extractor>,
+    segments: Vec<Segment>,
+}
+
+impl Stage for General {
+    type In = Scan;
+    type Out = Segment;
+
+    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, Segment>) -> anyhow::Result<()> {
+        self.extractor.extract(scan, &mut self.segments);
+        for segment in &self.segments {
+            emit.write(segment)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _emit: &mut Emit<'_, Segment>) -> anyhow::Result<Outcome> {
+        Ok(Outcome::Done)
+    }
+}
