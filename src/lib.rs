@@ -14,6 +14,7 @@
 //! - [`sick`] the SICK LMS500's telegrams
 //! - [`hokuyo`] Hokuyo's scanners: SCIP 2.0, a client, an emulated UTM-30LX
 //! - [`gx1`] the MicroStrain 3DM-GX1's replies, and a session with the unit
+//! - [`twincat`] the robot's controller: ADS, a client, an emulated PLC
 //! - [`clock`] device ticks and time maps
 //! - [`lines`] straight lines from a scan
 //! - [`edges`] strip edges from a scan and its lines
@@ -39,3 +40,4 @@ pub mod sick;
 pub mod simulate;
 pub mod stream;
 pub mod tool;
+pub mod twincat;

@@ -683,7 +683,7 @@ fn what_does_not_go_together_is_refused() {
             "missing.cola",
         ),
         ("-f frame.toml --serve-pty frame.toml", 69, "frame.toml"),
-        ("-f frame.toml --format cobol", 2, "csv or mcap"),
+        ("-f frame.toml --format cobol", 2, "csv, mcap"),
     ] {
         let ended = sh(&dir, &format!("timeout 100 simulate {args}"));
         assert_eq!(ended.status, status, "{args}: {}", ended.stderr);

@@ -26,6 +26,11 @@ const SHORT_MIN_M: f64 = 0.030;
 /// some per cent; then its centre is within this many spot radii of the edge.
 const MIXED_REACH: f64 = 0.85;
 
+/// A gap beam shares its depth behind the face with one of so many beams on either side, to within
+/// this share of the gap.
+const SUPPORT_BEAMS: usize = 4;
+const SUPPORT_SHARE: f64 = 0.15;
+
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Beam {
@@ -154,6 +159,7 @@ impl EdgeMeter {
                 Some(_) => Beam::Mixed,
             });
         }
+        self.drop_unsupported();
         self.drop_contradictions();
         if gap_m.is_some() {
             self.mark_short(fitted[k].rms_m);
@@ -190,6 +196,27 @@ impl EdgeMeter {
                 if count >= 2.0 && e < sum / count * depth_m - tolerance_m {
                     self.states[i] = Beam::Mixed;
                 }
+            }
+        }
+    }
+
+    /// A gap beam whose depth none of its gap neighbours shares did not meet the surface behind: a
+    /// wild range that stands for a hit as well as for a gap.
+    fn drop_unsupported(&mut self) {
+        let ratio = |i: usize| self.behind_m[i].0 / self.behind_m[i].1;
+        for i in 0..self.states.len() {
+            if self.states[i] != Beam::Gap {
+                continue;
+            }
+            let around =
+                i.saturating_sub(SUPPORT_BEAMS)..self.states.len().min(i + SUPPORT_BEAMS + 1);
+            let (mut others, mut supported) = (0, false);
+            for j in around.filter(|j| *j != i && self.states[*j] == Beam::Gap) {
+                others += 1;
+                supported |= (ratio(i) - ratio(j)).abs() < SUPPORT_SHARE;
+            }
+            if others >= 2 && !supported {
+                self.states[i] = Beam::Unknown;
             }
         }
     }

@@ -1,12 +1,12 @@
 //! An open line to a device (or, for an emulated device, to its user).
 
 use super::ninth_bit::NinthBit;
-use super::{Endpoint, HostInstant, Pty};
+use super::{Endpoint, HostInstant, Pty, Waiter};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use serialport::SerialPort;
 use std::io::{self, Read, Write};
-use std::net::{Shutdown, TcpStream, ToSocketAddrs};
+use std::net::{Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
@@ -219,6 +219,43 @@ impl Connection {
         matches!(self.transport, Transport::Tcp(_))
     }
 
+    /// This host's and the other side's address of a socket.
+    pub fn addresses(&self) -> Option<(SocketAddr, SocketAddr)> {
+        match &self.transport {
+            Transport::Tcp(stream) => Some((stream.local_addr().ok()?, stream.peer_addr().ok()?)),
+            _ => None,
+        }
+    }
+
+    /// Waits at most `timeout` until there is something to read here or `waiter` is woken; whether
+    /// there is something to read, the line's end included. A serial port is not waited for.
+    ///
+    /// # Errors
+    /// [`LinkError::Io`] where the host itself fails.
+    pub fn wait(&self, waiter: &Waiter, timeout: Duration) -> Result<bool, LinkError> {
+        let timeout = Timespec {
+            tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: timeout.subsec_nanos().into(),
+        };
+        let woken = PollFd::from_borrowed_fd(waiter.as_waitable(), PollFlags::IN);
+        let line = self.waitable();
+        // In place of a serial port the waiter stands a second time, waiting for nothing.
+        let line = line.map_or_else(
+            || PollFd::from_borrowed_fd(waiter.as_waitable(), PollFlags::empty()),
+            |line| PollFd::from_borrowed_fd(line, PollFlags::IN),
+        );
+        let mut waited = [woken, line];
+        match poll(&mut waited, Some(&timeout)) {
+            Ok(_) => {}
+            Err(Errno::INTR) => return Ok(false),
+            Err(error) => return Err(self.fault(error.into())),
+        }
+        if !waited[0].revents().is_empty() {
+            waiter.taken();
+        }
+        Ok(!waited[1].revents().is_empty())
+    }
+
     /// Changes the speed of a serial port; no effect on anything else.
     pub fn set_baud(&mut self, baud: u32) -> Result<(), LinkError> {
         if let Transport::Serial(port) = &mut self.transport {
@@ -420,7 +457,7 @@ fn stream_read(transport: &Transport, buffer: &mut [u8]) -> io::Result<usize> {
 
 /// Waits until a line can be read or written, to the nanosecond: a socket's own read time-out is
 /// rounded to the kernel's ticks. An error or a hang-up counts as ready; reading then says which.
-fn ready(line: impl AsFd, what: PollFlags, timeout: Duration) -> io::Result<bool> {
+pub(super) fn ready(line: impl AsFd, what: PollFlags, timeout: Duration) -> io::Result<bool> {
     let timeout = Timespec {
         tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
         tv_nsec: timeout.subsec_nanos().into(),

@@ -7,6 +7,7 @@
 //! - [`Endpoint`] where a device is: `lms.local:2112`, `/dev/ttyUSB0`
 //! - [`Connection`] an open line, read and written with time limits
 //! - [`HostInstant`] an instant on both of the host's clocks
+//! - [`Datagrams`] a question and its answer over UDP; [`waker()`] ends another thread's wait
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
 //! - [`Backoff`] how long to wait before the next attempt
 //! - [`Pacing`] when a simulated device is due to speak
@@ -21,6 +22,7 @@ mod arrivals;
 mod backoff;
 pub mod baud;
 mod connection;
+mod datagrams;
 pub mod emulation;
 mod endpoint;
 pub mod faults;
@@ -30,14 +32,17 @@ mod pacing;
 mod ports;
 mod pty;
 mod recording;
+mod waker;
 
 pub use adapter::{LatencyTimer, latency_timer};
 pub use arrivals::{Arrivals, ArrivalsError, parse_seconds_ns};
 pub use backoff::Backoff;
 pub use connection::{Connection, LinkError, Received};
+pub use datagrams::Datagrams;
 pub use endpoint::{Endpoint, EndpointError};
 pub use host_clock::HostInstant;
 pub use pacing::Pacing;
 pub use ports::{Adapter, Port, ports};
 pub use pty::Pty;
 pub use recording::{Recorder, RecordingError, Rotation, times_beside, would_write};
+pub use waker::{Waiter, Waker, waker};

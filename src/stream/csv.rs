@@ -42,6 +42,8 @@ pub(super) struct CsvReader<R> {
     checks: Checks,
     /// Whether the input has ended.
     at_end: Rc<Cell<bool>>,
+    /// Lines that are not the file's own, before its first one.
+    lines_added: u64,
 }
 
 /// Notes when its reader meets the end of the input. A row that ends with a line feed is given out
@@ -62,8 +64,9 @@ impl Read for NoteEnd {
 }
 
 impl<R: StreamRecord> CsvReader<R> {
-    /// Reads the header row; `name` is the file's in messages.
-    pub(super) fn new(input: Box<dyn Read>, name: &str) -> anyhow::Result<Self> {
+    /// Reads the header row; `name` is the file's in messages, `lines_added` how many lines of the
+    /// input come before the file's first one.
+    pub(super) fn new(input: Box<dyn Read>, name: &str, lines_added: u64) -> anyhow::Result<Self> {
         let at_end = Rc::new(Cell::new(false));
         let input: Box<dyn Read> = Box::new(NoteEnd {
             input,
@@ -95,6 +98,7 @@ impl<R: StreamRecord> CsvReader<R> {
             record: R::default(),
             checks: Checks::default(),
             at_end,
+            lines_added,
         })
     }
 
@@ -113,6 +117,7 @@ impl<R: StreamRecord> CsvReader<R> {
             (Err(bad), true) => format!("{bad}; {CUT_OFF}"),
         };
         let line = self.row.position().map_or(0, csv::Position::line);
+        let line = line.saturating_sub(self.lines_added);
         let fault = Fault::BadData(format!("{}:{line}: {why}", self.name));
         Err(RowError::Bad(fault))
     }

@@ -18,7 +18,7 @@ fn written<R: Record>(records: &[R]) -> anyhow::Result<String> {
 }
 
 fn reader<R: StreamRecord>(text: &str) -> anyhow::Result<CsvReader<R>> {
-    CsvReader::new(Box::new(std::io::Cursor::new(text.to_owned())), "f.csv")
+    CsvReader::new(Box::new(std::io::Cursor::new(text.to_owned())), "f.csv", 0)
 }
 
 /// The records before the first fault, and the fault.

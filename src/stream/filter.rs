@@ -62,7 +62,10 @@ pub fn filter<S: Stage>(
     let start = Instant::now();
     flow::drain_on_interrupt()?;
     let source = Source::open(input, options)?;
-    let output = Output::open_as(options, options.format.unwrap_or(source.encoding))?;
+    let output = Output::open_as(
+        options,
+        options.format.unwrap_or(source.encoding.of_filter()),
+    )?;
     let mut input = Input::from_source(source, Role::Desired, options.window, options)?;
     output.with_mcap(|mcap| {
         mcap.declare::<S::Out>();

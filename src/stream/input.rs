@@ -8,6 +8,7 @@ use super::mcap::McapReader;
 use super::output::Output;
 use super::progress::Progress;
 use super::provenance::Provenance;
+use super::trajectory_text::{self, Layout};
 use super::window::{Place, WindowState};
 use super::{Encoding, Options, Role, Window};
 use crate::record::{ImuSample, TrajectoryPoint};
@@ -21,6 +22,7 @@ use std::path::Path;
 pub struct Input<R: StreamRecord> {
     reader: Reader<R>,
     name: String,
+    encoding: Encoding,
     tool: &'static str,
     window: WindowState,
     skip_bad: bool,
@@ -81,12 +83,15 @@ impl<R: StreamRecord> Input<R> {
             ..
         } = source;
         let reader = match encoding {
-            Encoding::Csv => Reader::Csv(Box::new(CsvReader::new(bytes, &name)?)),
+            Encoding::Csv | Encoding::Tum | Encoding::Euroc => {
+                Reader::Csv(Box::new(csv_reader(bytes, &name, encoding)?))
+            }
             Encoding::Mcap => Reader::Mcap(Box::new(McapReader::new(bytes, &name, role))),
         };
         Ok(Input {
             reader,
             name,
+            encoding,
             tool: options.tool,
             window: WindowState::new(window),
             skip_bad: options.skip_bad,
@@ -202,10 +207,7 @@ impl<R: StreamRecord> Input<R> {
 
     /// The encoding of this input.
     pub fn encoding(&self) -> Encoding {
-        match &self.reader {
-            Reader::Csv(_) => Encoding::Csv,
-            Reader::Mcap(_) => Encoding::Mcap,
-        }
+        self.encoding
     }
 }
 
@@ -218,6 +220,21 @@ impl Input<TrajectoryPoint> {
         options: &Options,
     ) -> anyhow::Result<Input<TrajectoryPoint>> {
         Input::open_in(path, role, Window::default(), options)
+    }
+}
+
+/// A reader of CSV, or of a text that is read as CSV.
+fn csv_reader<R: StreamRecord>(
+    bytes: Box<dyn Read>,
+    name: &str,
+    encoding: Encoding,
+) -> anyhow::Result<CsvReader<R>> {
+    match encoding.layout() {
+        None => CsvReader::new(bytes, name, 0),
+        Some(layout) => {
+            let text = trajectory_text::AsCsv::new(bytes, layout);
+            CsvReader::new(Box::new(text), name, trajectory_text::LINES_ADDED)
+        }
     }
 }
 
@@ -266,7 +283,11 @@ impl Source {
                 if head.first() == mcap::MAGIC.first() {
                     Encoding::Mcap
                 } else {
-                    Encoding::Csv
+                    match trajectory_text::sniff(&head) {
+                        Some(Layout::Tum) => Encoding::Tum,
+                        Some(Layout::Euroc) => Encoding::Euroc,
+                        None => Encoding::Csv,
+                    }
                 }
             }
         };

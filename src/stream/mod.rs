@@ -1,5 +1,5 @@
-//! How records flow: CSV and MCAP with ROS 2 messages, sniffed on input, chosen on output; the
-//! flush rule, the side inputs, the exit statuses.
+//! How records flow: CSV and MCAP with ROS 2 messages (and, for trajectories, TUM and EuRoC), sniffed
+//! on input, chosen on output; the flush rule, the side inputs, the exit statuses.
 //!
 //! The only place that knows what `-` is, which encoding a stream has and when it is flushed. A
 //! filter gives [`filter()`] its [`Stage`], a source writes to an [`Output`] until [`Stop`] asks it
@@ -33,6 +33,7 @@ mod round_trip_tests;
 #[cfg(test)]
 mod samples;
 mod side;
+mod trajectory_text;
 pub mod viewer;
 mod window;
 
@@ -52,13 +53,37 @@ use crate::record::Stamp;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The two encodings of a stream.
+/// The encodings of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// RFC 4180 with a header row; one kind of record.
     Csv,
     /// MCAP, profile ros2, CDR messages; all kinds of records together.
     Mcap,
+    /// The TUM benchmark's text: poses and trajectories, without covariance or status.
+    Tum,
+    /// The EuRoC dataset's text: the same, with a trajectory's velocity.
+    Euroc,
+}
+
+impl Encoding {
+    /// The text layout of a trajectory in another kit's format.
+    fn layout(self) -> Option<trajectory_text::Layout> {
+        match self {
+            Encoding::Csv | Encoding::Mcap => None,
+            Encoding::Tum => Some(trajectory_text::Layout::Tum),
+            Encoding::Euroc => Some(trajectory_text::Layout::Euroc),
+        }
+    }
+
+    /// What a filter writes unless told otherwise: the encoding that it reads, CSV where that
+    /// could not hold all that a record has.
+    fn of_filter(self) -> Encoding {
+        match self {
+            Encoding::Mcap => Encoding::Mcap,
+            Encoding::Csv | Encoding::Tum | Encoding::Euroc => Encoding::Csv,
+        }
+    }
 }
 
 /// A window of time that records must lie in.

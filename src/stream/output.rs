@@ -1,10 +1,11 @@
-//! Where records go: stdout or a file, in one of the two encodings.
+//! Where records go: stdout or a file, in one of the encodings.
 
 use super::check::StreamRecord;
 use super::csv::CsvWriter;
 use super::exit::{self, Fault};
 use super::flow::{self, BeforeWait};
 use super::mcap::McapWriter;
+use super::trajectory_text::{Layout, TextWriter};
 use super::{Encoding, Options, Role};
 use crate::record::TrajectoryPoint;
 use std::cell::RefCell;
@@ -33,11 +34,14 @@ struct Core {
     /// Whether every record goes out at once.
     prompt: bool,
     records: u64,
+    tool: &'static str,
+    name: String,
 }
 
 enum Encoder {
     Csv(Box<CsvWriter<Target>>),
     Mcap(Box<McapWriter<Target>>),
+    Text(Box<TextWriter<Target>>),
 }
 
 struct Rename {
@@ -190,6 +194,7 @@ impl Output {
         prompt: bool,
     ) -> anyhow::Result<Output> {
         let (rename, claim) = file.unzip();
+        let name = target.name.clone();
         let encoder = match encoding {
             Encoding::Csv => Encoder::Csv(Box::new(CsvWriter::new(target))),
             Encoding::Mcap => Encoder::Mcap(Box::new(McapWriter::new(
@@ -197,6 +202,8 @@ impl Output {
                 rename.is_some(),
                 options,
             )?)),
+            Encoding::Tum => Encoder::Text(Box::new(TextWriter::new(target, Layout::Tum))),
+            Encoding::Euroc => Encoder::Text(Box::new(TextWriter::new(target, Layout::Euroc))),
         };
         let core = Rc::new(RefCell::new(Core {
             encoder,
@@ -204,6 +211,8 @@ impl Output {
             _claim: claim,
             prompt,
             records: 0,
+            tool: options.tool,
+            name,
         }));
         flow::register(&core);
         Ok(Output { core, encoding })
@@ -223,7 +232,7 @@ impl Output {
     pub fn columns_like<R: StreamRecord>(&mut self, like: &R) -> anyhow::Result<()> {
         match &mut self.core.borrow_mut().encoder {
             Encoder::Csv(csv) => csv.columns_like(like).map_err(unhide),
-            Encoder::Mcap(_) => Ok(()),
+            Encoder::Mcap(_) | Encoder::Text(_) => Ok(()),
         }
     }
 
@@ -243,6 +252,7 @@ impl Output {
         match &mut core.encoder {
             Encoder::Csv(csv) => csv.write(record),
             Encoder::Mcap(mcap) => mcap.write(record, role),
+            Encoder::Text(text) => text.write(record),
         }
         .map_err(unhide)?;
         if core.prompt {
@@ -257,7 +267,7 @@ impl Output {
         use_mcap: impl FnOnce(&mut McapWriter<Target>) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         match &mut self.core.borrow_mut().encoder {
-            Encoder::Csv(_) => Ok(()),
+            Encoder::Csv(_) | Encoder::Text(_) => Ok(()),
             Encoder::Mcap(mcap) => use_mcap(mcap).map_err(unhide),
         }
     }
@@ -280,18 +290,28 @@ impl Output {
 
     /// Ends a stream of one kind, which may have had no records, and gives the file its name.
     pub fn finish_kind<R: StreamRecord>(self) -> anyhow::Result<()> {
-        if let Encoder::Csv(csv) = &mut self.core.borrow_mut().encoder {
-            csv.write_empty::<R>().map_err(unhide)?;
+        match &mut self.core.borrow_mut().encoder {
+            Encoder::Csv(csv) => csv.write_empty::<R>(),
+            Encoder::Mcap(_) => Ok(()),
+            Encoder::Text(text) => text.begin::<R>(),
         }
+        .map_err(unhide)?;
         self.finish()
     }
 
     /// Ends the stream's bytes; a file keeps its partial name, because something went wrong.
     pub(super) fn end(&self) -> anyhow::Result<()> {
         let mut core = self.core.borrow_mut();
-        match &mut core.encoder {
+        let Core {
+            encoder,
+            tool,
+            name,
+            ..
+        } = &mut *core;
+        match encoder {
             Encoder::Csv(csv) => csv.flush().map_err(anyhow::Error::from),
             Encoder::Mcap(mcap) => mcap.finish(),
+            Encoder::Text(text) => text.finish(tool, name).map_err(anyhow::Error::from),
         }
         .map_err(unhide)
     }
@@ -302,6 +322,7 @@ impl Core {
         match &mut self.encoder {
             Encoder::Csv(csv) => Ok(csv.flush()?),
             Encoder::Mcap(mcap) => mcap.flush(),
+            Encoder::Text(text) => Ok(text.flush()?),
         }
     }
 }
@@ -310,6 +331,7 @@ impl BeforeWait for Core {
     fn before_wait(&mut self) -> io::Result<()> {
         let result = match &mut self.encoder {
             Encoder::Csv(csv) => return csv.flush(),
+            Encoder::Text(text) => return text.flush(),
             Encoder::Mcap(mcap) => mcap.before_wait(),
         };
         result.map_err(|error| match unhide(error).downcast::<io::Error>() {

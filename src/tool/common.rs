@@ -23,10 +23,11 @@ pub struct CommonArgs {
     /// Write to FILE (as FILE.partial, renamed at the end) instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Encoding of the output: csv, mcap [default: the input's; csv for a source]
+    /// Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the
+    /// input's, csv for a source]
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
     pub format: Option<Format>,
-    /// Encoding of the input [default: told from its first byte]
+    /// Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]
     #[arg(long, value_name = "FORMAT", value_parser = parse_encoding)]
     pub input_format: Option<Encoding>,
     /// Count and skip bad records instead of ending with status 65
@@ -63,7 +64,9 @@ impl CommonArgs {
         let format = match self.format {
             Some(Format::Records(encoding)) => Some(encoding),
             Some(Format::Cola) if tool != "simulate" => {
-                return Err(Fault::Usage("--format: csv or mcap is wanted".into()).into());
+                return Err(
+                    Fault::Usage("--format: csv, mcap, tum or euroc is wanted".into()).into(),
+                );
             }
             Some(Format::Cola) | None => None,
         };
@@ -106,7 +109,9 @@ fn parse_encoding(text: &str) -> Result<Encoding, String> {
     match text {
         "csv" => Ok(Encoding::Csv),
         "mcap" => Ok(Encoding::Mcap),
-        _ => Err("csv or mcap is wanted".to_owned()),
+        "tum" => Ok(Encoding::Tum),
+        "euroc" => Ok(Encoding::Euroc),
+        _ => Err("csv, mcap, tum or euroc is wanted".to_owned()),
     }
 }
 
@@ -273,7 +278,8 @@ mod tests {
     #[test]
     fn encodings_have_names() {
         assert_eq!(parse_encoding("mcap"), Ok(Encoding::Mcap));
-        assert!(parse_encoding("tum").is_err());
+        assert_eq!(parse_encoding("tum"), Ok(Encoding::Tum));
+        assert!(parse_encoding("kitti").is_err());
         assert_eq!(parse_format("cola"), Ok(Format::Cola));
         assert_eq!(parse_format("csv"), Ok(Format::Records(Encoding::Csv)));
         let args = CommonArgs {

@@ -104,7 +104,7 @@ fn read_reference(
         }
         None => Input::open_trajectory(Some(path), role, options)?,
     };
-    if !given && input.encoding() == Encoding::Csv {
+    if !given && input.encoding() != Encoding::Mcap {
         return Err(no_reference("it is CSV"));
     }
     let mut points = Vec::new();
