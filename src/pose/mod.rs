@@ -8,6 +8,7 @@
 pub mod alignment;
 pub mod calibration;
 pub mod gaussian;
+pub mod information;
 pub mod interval;
 pub mod joint;
 pub mod pitch;

@@ -3,6 +3,7 @@
 
 mod args;
 mod cola;
+mod dilution;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;
@@ -23,6 +24,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     // The derived arguments do not tell what was written from what is a default.
     if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
         args::refuse_foreign(&args, &written)?;
+    }
+    if args.dilution.dilution {
+        return dilution::run(&args);
     }
     if args.serve.is_asked() {
         return serve::run(&args);

@@ -121,6 +121,47 @@ pub(super) fn applied(frame: &Frame, by: &DVector<f64>, turned: Turned) -> Frame
     frame
 }
 
+/// The frame with strips cut where they have come to overlap: strips that touch in the frame file do
+/// so by a millimetre or two where their real places are known better.
+pub(super) fn parted(mut frame: Frame) -> Frame {
+    let half_x = 0.5 * frame.bounds.dx_m;
+    let count = frame.strips.len();
+    for (i, j) in (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j))) {
+        let (a, b) = (frame.strips[i], frame.strips[j]);
+        if a.face != b.face {
+            continue;
+        }
+        let [from, to] = shared_x(a.x_m, b.x_m, half_x);
+        let needed_m = 0.5 * (a.width_m + b.width_m);
+        let apart = |x: f64| (a.offset_m - b.offset_m) + x * (a.slope() - b.slope());
+        let middle = 0.5 * (from + to);
+        let sign = if apart(middle) < 0.0 { -1.0 } else { 1.0 };
+        // Cut a little further in than where they touch, so that rounding leaves them apart.
+        let touch = (sign * needed_m - (a.offset_m - b.offset_m)) / (a.slope() - b.slope());
+        for (end, outward) in [(from, -1.0), (to, 1.0)] {
+            if sign * apart(end) >= needed_m || !touch.is_finite() {
+                continue;
+            }
+            let cut = touch - outward * 1e-3;
+            for k in [i, j] {
+                let strip = &mut frame.strips[k];
+                let x_m = strip.x_m.get_or_insert([-half_x, half_x]);
+                if outward > 0.0 {
+                    x_m[1] = x_m[1].min(cut);
+                } else {
+                    x_m[0] = x_m[0].max(cut);
+                }
+            }
+        }
+    }
+    frame
+}
+
+fn shared_x(a: Option<[f64; 2]>, b: Option<[f64; 2]>, half_x: f64) -> [f64; 2] {
+    let [a, b] = [a, b].map(|x_m| x_m.unwrap_or([-half_x, half_x]));
+    [a[0].max(b[0]), a[1].min(b[1])]
+}
+
 /// Roll, pitch, yaw of a mounting, deg, with a small turn in P put before it.
 fn turned_by(turn: Matrix3<f64>, mounting_deg: [f64; 3]) -> [f64; 3] {
     let turned = turn * matrix(mounting_deg.map(f64::to_radians));

@@ -123,7 +123,7 @@ pub(super) fn conclude(
     let shares = whitened.symmetric_eigenvalues();
     let hidden = shares.iter().filter(|s| **s > SHOWN * SHOWN).count();
     Calibration {
-        frame: parameters::applied(frame, &mean, settings.turned),
+        frame: parameters::parted(parameters::applied(frame, &mean, settings.turned)),
         entries,
         patterns,
         hidden: [hidden, layout.count()],

@@ -100,7 +100,7 @@ impl Calibrate {
                 return Ok(false);
             }
         };
-        let text = edited(&self.text, &found, settings.turned)?;
+        let text = edited(&self.text, frame, &found, settings.turned)?;
         // What is written must be a frame file: strips that now overlap would not be one.
         Frame::parse(&text, &self.path).context("the calibrated frame is not possible")?;
         write_whole(&self.path, &text)
@@ -114,8 +114,20 @@ impl Calibrate {
 }
 
 /// The frame file's text with the values that the run shows.
-fn edited(text: &str, found: &Calibration, turned: Turned) -> Result<String, edit::EditError> {
+fn edited(
+    text: &str,
+    before: &Frame,
+    found: &Calibration,
+    turned: Turned,
+) -> Result<String, edit::EditError> {
     let mut text = text.to_owned();
+    for (k, (strip, old)) in found.frame.strips.iter().zip(&before.strips).enumerate() {
+        if let Some([from, to]) = strip.x_m.filter(|_| strip.x_m != old.x_m) {
+            let value = format!("[{from:.4}, {to:.4}]");
+            let remark = "cut where it would overlap the next";
+            text = edit::set(&text, &format!("strip[{k}]"), "x_m", &value, Some(remark))?;
+        }
+    }
     let frame = &found.frame;
     let entry = |key: &str| found.entries.iter().find(|e| e.key == key);
     let mut set = |table: &str, key: &str, value: f64, decimals: usize| {
