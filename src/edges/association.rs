@@ -5,8 +5,10 @@
 //! the middles of the intervals while the tolerance shrinks. Pitch is not known here: on the
 //! ceiling it acts as a shift of x; with strips on the side walls it is refined too.
 
-use crate::frame::{Frame, Optics, ScannerPose, Strip};
-use crate::record::{Edge, EdgeKind, Face, ReflectorLines};
+use super::Found;
+use super::footprint::{Slant, Spot};
+use crate::frame::{Frame, ScannerPose, Strip};
+use crate::record::{EdgeKind, Face, ReflectorLines};
 use nalgebra::{Matrix3, Vector3};
 
 /// Search range and steps.
@@ -38,8 +40,7 @@ struct Boundary {
 #[derive(Clone, Debug)]
 pub(super) struct Association {
     boundaries: Vec<Boundary>,
-    optics: Optics,
-    footprint_scale: f64,
+    spot: Spot,
     /// Whether strips on the sides make pitch observable.
     with_pitch: bool,
     /// x, yaw, pitch of the scan before.
@@ -70,8 +71,7 @@ impl Association {
             .flat_map(|(i, strip)| boundaries(i, strip));
         Association {
             boundaries: boundaries.collect(),
-            optics: frame.scanner_model().optics,
-            footprint_scale: frame.calibration.footprint_scale,
+            spot: Spot::new(frame),
             with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
             last: None,
             middles: Vec::new(),
@@ -80,9 +80,16 @@ impl Association {
     }
 
     /// Sets `strip` and the threshold's derivative of each edge.
-    pub(super) fn assign(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &mut [Edge]) {
+    /// Returns the pose that explains them, which is good enough to say how the edges are slanted;
+    /// none where it does not.
+    pub(super) fn assign(
+        &mut self,
+        frame: &Frame,
+        lines: &ReflectorLines,
+        edges: &mut [Found],
+    ) -> Option<ScannerPose> {
         if edges.is_empty() {
-            return;
+            return None;
         }
         let wanted = edges.len().min(self.boundaries.len());
         let start = self.last.take();
@@ -108,14 +115,22 @@ impl Association {
         }
         self.last = (matched >= 3).then_some(at);
         let pose = pose_on_lines(frame, lines, at);
-        for edge in edges.iter_mut() {
-            edge.d_threshold = self.threshold_angle(frame, &pose, edge);
+        for Found { edge, .. } in edges.iter_mut() {
+            let slope = usize::try_from(edge.strip)
+                .ok()
+                .and_then(|strip| frame.strips.get(strip))
+                .map_or(0.0, Strip::slope);
+            // Hits begin further out on both sides of a strip.
+            let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
+            let slant = Slant::new(&self.spot, &pose, lines, edge, slope);
+            edge.d_threshold = outward / slant.spots_per_rad;
         }
+        self.last.map(|_| pose)
     }
 
     /// Coarse search: the poses (x, yaw, pitch) from which the edges lie nearest to boundaries of
     /// their kind, best first, at some distance from each other.
-    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge]) -> Vec<[f64; 3]> {
+    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found]) -> Vec<[f64; 3]> {
         let mut scored: Vec<(f64, [f64; 3])> = Vec::new();
         let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
         let x_steps = (X_MAX_M / X_STEP_M).round() as i32;
@@ -151,8 +166,8 @@ impl Association {
 
     /// How well the edges, seen from x = 0, fit boundaries when x is `x_m`. The better centred the
     /// more: a wide tolerance alone is met by chance too.
-    fn score(&self, edges: &[Edge], x_m: f64) -> f64 {
-        let fit = |(edge, middle): (&Edge, &Middle)| {
+    fn score(&self, edges: &[Found], x_m: f64) -> f64 {
+        let fit = |(Found { edge, .. }, middle): (&Found, &Middle)| {
             let reach_m = VOTE_M + middle.half_m;
             self.boundaries
                 .iter()
@@ -170,7 +185,7 @@ impl Association {
         &mut self,
         frame: &Frame,
         lines: &ReflectorLines,
-        edges: &mut [Edge],
+        edges: &mut [Found],
         at: &mut [f64; 3],
         from: usize,
     ) -> usize {
@@ -208,10 +223,10 @@ impl Association {
 
     /// Gives every boundary the nearest edge of its kind within the tolerance, and the edges their
     /// strips.
-    fn nearest(&mut self, edges: &mut [Edge], tolerance_m: f64) -> usize {
+    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) -> usize {
         self.taken.clear();
         self.taken.resize(self.boundaries.len(), None);
-        for (e, (edge, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
+        for (e, (Found { edge, .. }, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
             edge.strip = -1;
             let mut best: Option<(usize, f64)> = None;
             for (b, boundary) in self.boundaries.iter().enumerate() {
@@ -234,7 +249,7 @@ impl Association {
         let mut matched = 0;
         for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
             if let Some((e, _)) = taken {
-                edges[*e].strip = boundary.strip as i32;
+                edges[*e].edge.strip = boundary.strip as i32;
                 matched += 1;
             }
         }
@@ -242,10 +257,10 @@ impl Association {
     }
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.
-    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Edge], at: [f64; 3]) {
+    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
         let pose = pose_on_lines(frame, lines, at);
         self.middles.clear();
-        self.middles.extend(edges.iter().map(|edge| {
+        self.middles.extend(edges.iter().map(|Found { edge, .. }| {
             let v = v_axis(edge.face);
             let [from, to] = [edge.from_rad, edge.to_rad].map(|a| pose.crossing(a, edge.face));
             let (Some(from), Some(to)) = (from, to) else {
@@ -260,30 +275,6 @@ impl Association {
                 d_v: [0, 5, 4].map(|k| mean(&|c| c.d_point[k][v])),
             }
         }));
-    }
-
-    /// How far the edge's angle moves when hits begin one spot radius further out, rad.
-    fn threshold_angle(&self, frame: &Frame, pose: &ScannerPose, edge: &Edge) -> f64 {
-        let v = v_axis(edge.face);
-        let step = 1e-4;
-        let middle = 0.5 * (edge.from_rad + edge.to_rad);
-        let (Some(at), Some(next)) = (
-            pose.crossing(middle, edge.face),
-            pose.crossing(middle + step, edge.face),
-        ) else {
-            return 0.0;
-        };
-        let slope = usize::try_from(edge.strip)
-            .ok()
-            .and_then(|strip| frame.strips.get(strip))
-            .map_or(0.0, Strip::slope);
-        let radius_m = 0.5 * self.optics.diameter_m(at.range_m) * self.footprint_scale;
-        let reach_m = radius_m * spot_stretch(at.direction, slope, v);
-        // Signed distance from the edge along v, per angle, with the strip's inclination.
-        let rate =
-            (next.point_m[v] - at.point_m[v] - slope * (next.point_m[0] - at.point_m[0])) / step;
-        let outward = if edge.kind == EdgeKind::On { -1.0 } else { 1.0 };
-        outward * reach_m / rate.abs()
     }
 }
 
@@ -302,20 +293,6 @@ impl Boundary {
     fn gap_m(&self, middle: &Middle) -> f64 {
         middle.v_m - self.offset_m - self.slope * middle.x_m
     }
-}
-
-/// Length along v on the face of one unit across the beam, measured from an edge of the given
-/// slope: |u x e| / |(u x e) . v|, with u the beam and e the edge.
-fn spot_stretch(u: [f64; 3], slope: f64, v: usize) -> f64 {
-    let mut e = [1.0, 0.0, 0.0];
-    e[v] = slope;
-    let normal = [
-        u[1] * e[2] - u[2] * e[1],
-        u[2] * e[0] - u[0] * e[2],
-        u[0] * e[1] - u[1] * e[0],
-    ];
-    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-    length / normal[v].abs().max(1e-9)
 }
 
 /// The axis of a face along which a strip's width is measured: y on the ceiling, z on a wall.
@@ -378,21 +355,6 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn stretch_is_the_closed_form_of_the_ceiling() {
-        // Spec: R_e = radius sqrt(h^2 + D^2) / (h cos gamma), D the distance from the foot point
-        // to the edge line.
-        let gamma = 30f64.to_radians();
-        for (y, h) in [(0.0, 2.0), (3.0, 2.0), (-1.5, 4.0)] {
-            // Beam from the origin to the ceiling point (0, y, h), which is on the edge.
-            let norm = f64::hypot(y, h);
-            let u = [0.0, y / norm, h / norm];
-            let distance = y * gamma.cos();
-            let expected = f64::hypot(h, distance) / (h * gamma.cos());
-            assert!((spot_stretch(u, gamma.tan(), 1) - expected).abs() < 1e-12);
-        }
-    }
 
     #[test]
     fn polarity_follows_the_beam() {

@@ -107,6 +107,11 @@ impl ScannerPose {
         })
     }
 
+    /// A direction of B in the axes of S.
+    pub fn in_scanner(&self, direction: Vec3) -> Vec3 {
+        mul_transposed(&self.mounting, mul_transposed(&self.rotation, direction))
+    }
+
     /// The line in which the scan plane cuts `face` (02-geometry: d = distance / sqrt(1 - n^2)).
     pub fn line(&self, face: Face) -> FaceLine {
         let (axis, at_m) = plane(face, &self.bounds);

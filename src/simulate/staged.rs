@@ -24,6 +24,18 @@ pub(crate) fn scattered(
     z_m: [f64; 2],
     seed: u64,
 ) -> Vec<Step> {
+    scattered_with(frame, effects, &Parameters::default(), count, z_m, seed)
+}
+
+/// The same with the effects' sizes given.
+pub(crate) fn scattered_with(
+    frame: &Frame,
+    effects: &str,
+    parameters: &Parameters,
+    count: u64,
+    z_m: [f64; 2],
+    seed: u64,
+) -> Vec<Step> {
     let tilt = 1f64.to_radians();
     let scatter = Scatter {
         position_m: [[-0.05, 0.05], [-4.0, 4.0], z_m],
@@ -39,7 +51,7 @@ pub(crate) fn scattered(
             scans_each: 1,
         },
         effects: effects.parse().unwrap(),
-        parameters: Parameters::default(),
+        parameters: parameters.clone(),
         seed: Seed(seed),
         start: Stamp::from_ns(0),
         scans: Some(count),

@@ -1,9 +1,10 @@
 //! `simulate`: makes scans, IMU samples and the truth of a run through a virtual frame, or is the
-//! scanner itself.
+//! scanner itself. Or scans of a scene that is no frame.
 
 mod args;
 mod cola;
 mod dilution;
+mod office;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;
@@ -27,6 +28,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     if args.dilution.dilution {
         return dilution::run(&args);
+    }
+    if args.scene.scene.is_some() {
+        return office::run(&args);
     }
     if args.serve.is_asked() {
         return serve::run(&args);

@@ -18,7 +18,7 @@ pub(super) struct DilutionArgs {
     /// In place of scans, a map over y and z (--y-range, --z-range, --step-m) of the least standard
     /// deviation of each component that a single scan allows, as CSV; poses of a cell are spread over
     /// --x-range and --tilt-deg; edges by remission where --effects has it, else by ranges
-    #[arg(long, conflicts_with_all = ["trajectory", "serving", "real_time", "n_scans", "truth", "desired", "imu", "start_ns", "format"])]
+    #[arg(long, conflicts_with_all = ["trajectory", "scene", "serving", "real_time", "n_scans", "truth", "desired", "imu", "start_ns", "format"])]
     pub(super) dilution: bool,
     /// Standard deviation of the pitch before the scan; 0 is known
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative, requires = "dilution")]

@@ -1,0 +1,108 @@
+//! What a scan of 761 beams costs in extract-lines' two rooms, reflector fit and edges, without
+//! input and output. `cargo bench --bench edges` prints figures and passes no judgement.
+
+use cablepose::edges::EdgeMeter;
+use cablepose::frame::{Frame, ScannerModel};
+use cablepose::lines::reflectors::{Options, ReflectorFit};
+use cablepose::record::{Axes, ReflectorLines, Scan, Stamp};
+use cablepose::simulate::{Course, Parameters, Scatter, Seed, Setup, Simulator};
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+const SCANS: u64 = 400;
+const ROUNDS: usize = 10;
+
+fn main() {
+    let text = include_str!("../testdata/cablar.toml");
+    let Ok(frame) = Frame::parse(text, Path::new("cablar.toml")) else {
+        return;
+    };
+    for (name, effects, track, edges) in [
+        ("reflectors", "reference,mixed,-remission", true, false),
+        ("+ intervals", "reference,mixed,-remission", true, true),
+        ("+ remissions", "reference,mixed", true, true),
+        ("+ echoes", "reference,mixed,echoes", true, true),
+        (
+            "cold, cluttered",
+            "reference,mixed,outliers,dropouts,cables,cargo",
+            false,
+            true,
+        ),
+    ] {
+        let scans = scans(&frame, effects, track);
+        let options = Options {
+            track,
+            ..Options::default()
+        };
+        let mut fit = ReflectorFit::new(&frame, options);
+        let mut lines = ReflectorLines::default();
+        let mut found = 0;
+        let mut best = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            found = 0;
+            let mut meter = EdgeMeter::new(&frame);
+            let start = Instant::now();
+            for scan in &scans {
+                if !track {
+                    meter = EdgeMeter::new(&frame);
+                }
+                lines.begin(black_box(scan));
+                if let Some(fitted) = fit.fit(scan) {
+                    fit.record(&fitted, &mut lines);
+                    if edges {
+                        meter.measure(scan, &mut lines);
+                    }
+                }
+                found += black_box(&lines)
+                    .edges
+                    .iter()
+                    .filter(|e| e.strip >= 0)
+                    .count();
+            }
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        println!(
+            "{name:16} {:7.2} us a scan   {:.2} edges a scan",
+            1e6 * best / scans.len() as f64,
+            found as f64 / scans.len() as f64
+        );
+    }
+}
+
+/// Scans of a platform that creeps (tracked) or is anywhere (cold).
+fn scans(frame: &Frame, effects: &str, track: bool) -> Vec<Scan> {
+    let tilt = 1f64.to_radians();
+    let scatter = Scatter {
+        position_m: [[-0.05, 0.05], [-4.0, 4.0], [0.5, 3.5]],
+        rotation_rad: [[-tilt, tilt]; 3],
+    };
+    let (stations, scans_each) = if track { (SCANS / 40, 40) } else { (SCANS, 1) };
+    let Some(model) = ScannerModel::by_name("lms511-hr") else {
+        return Vec::new();
+    };
+    let Ok(effects) = effects.parse() else {
+        return Vec::new();
+    };
+    let mut simulator = Simulator::new(Setup {
+        frame: frame.clone(),
+        model,
+        mode: model.modes[0],
+        course: Course::Stations {
+            poses: scatter.poses(Seed(7), stations),
+            scans_each,
+        },
+        effects,
+        parameters: Parameters::default(),
+        seed: Seed(7),
+        start: Stamp::from_ns(0),
+        scans: Some(SCANS),
+        imu_rate_hz: None,
+        imu_axes: Axes::Platform,
+    });
+    let mut scans = Vec::new();
+    while let Some(step) = simulator.advance() {
+        scans.push(step.scan.clone());
+    }
+    scans
+}

@@ -1,0 +1,303 @@
+//! What every beam met: a strip's face, what is behind it, something in between, or nobody knows.
+
+use super::components;
+use crate::frame::Frame;
+use crate::record::{BeamTable, ReflectorLines, Scan};
+
+/// A hit lies within this many sigma of the line.
+const HIT_SIGMA: f64 = 4.0;
+/// And within at least this, and never more than that, m.
+const HIT_MIN_M: f64 = 0.020;
+const HIT_MAX_M: f64 = 0.060;
+/// A gap is at least this share of the way to the surface behind.
+const GAP_SHARE: f64 = 0.85;
+/// A gap beam beside a hit is a mixed pixel if it falls short of where its neighbours further in
+/// put the surface behind by more than this many sigma, and at least this, m.
+const SHORT_SIGMA: f64 = 4.0;
+const SHORT_MIN_M: f64 = 0.030;
+
+/// A gap beam shares its depth behind the face with one of so many beams on either side, to within
+/// this share of the gap.
+const SUPPORT_BEAMS: usize = 4;
+const SUPPORT_SHARE: f64 = 0.15;
+
+/// What a beam met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// The face's line.
+    Hit,
+    /// The surface behind, or nothing where nothing is behind.
+    Gap,
+    /// Both: they came back as two echoes.
+    Both,
+    /// Something in between: a mixed pixel.
+    Mixed,
+    /// No echo, or something in front.
+    Unknown,
+}
+
+/// A beam and what it met.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beam {
+    /// What it met.
+    pub state: State,
+    /// The face that it meets first, numbered right, upper, left; [`NO_FACE`] where none carries a
+    /// strip.
+    pub face: u8,
+    /// Range of the face's line, m.
+    pub face_m: f64,
+    /// How far behind the line the first echo came from, m.
+    pub excess_m: f64,
+    /// How far behind the line the next surface is, m.
+    pub depth_m: f64,
+    /// Cosine of incidence on the face, and on the surface behind.
+    pub cos_incidence: [f64; 2],
+}
+
+/// No face with strips.
+pub(super) const NO_FACE: u8 = 3;
+
+impl Beam {
+    const NOTHING: Beam = Beam {
+        state: State::Unknown,
+        face: NO_FACE,
+        face_m: f64::NAN,
+        excess_m: f64::NAN,
+        depth_m: f64::NAN,
+        cos_incidence: [f64::NAN; 2],
+    };
+
+    fn is(&self, state: State, face: u8) -> bool {
+        self.state == state && self.face == face
+    }
+}
+
+/// Gives every beam its state on the face that it meets first, where that carries strips.
+pub(super) fn classify(
+    frame: &Frame,
+    with_strips: [bool; 3],
+    scan: &Scan,
+    lines: &ReflectorLines,
+    table: &BeamTable,
+    beams: &mut Vec<Beam>,
+) {
+    let fitted = lines.lines();
+    let gap_m = frame.bounds.background_gap_m;
+    // A line that was not seen is met nowhere.
+    let planes = fitted.map(|line| {
+        if line.is_seen() {
+            components(&line.normal)
+        } else {
+            (0.0, 0.0, f64::INFINITY)
+        }
+    });
+    let scale = 1.0 / frame.calibration.range_scale;
+    let bias_m =
+        frame.calibration.range_bias_m + lines.range_bias_m * frame.calibration.range_scale;
+    let tolerances_m = fitted.map(|line| (HIT_SIGMA * line.rms_m).clamp(HIT_MIN_M, HIT_MAX_M));
+    let wanted = [0, 1, 2].map(|k| with_strips[k] && fitted[k].is_seen());
+    let second = scan.further_ranges_m.first();
+    let at_rest = table.motion().is_rest();
+    let mut inverse_m = planes.map(|(_, _, d_m)| 1.0 / d_m);
+    let mut inverse_behind_m = planes.map(|(_, _, d_m)| 1.0 / (d_m + gap_m.unwrap_or(0.0)));
+    beams.clear();
+    let rays = table.cos_sin.iter().zip(scan.ranges_m.iter());
+    for (i, ((cos, sin), range_m)) in rays.enumerate() {
+        if !at_rest {
+            // A moving scanner's beam starts nearer to a line or further from it.
+            let (y_m, z_m) = table.origin_m(i);
+            for (j, (y, z, d_m)) in planes.iter().enumerate() {
+                let d_m = d_m - (y_m * y + z_m * z);
+                inverse_m[j] = 1.0 / d_m;
+                inverse_behind_m[j] = 1.0 / (d_m + gap_m.unwrap_or(0.0));
+            }
+        }
+        let along = planes.map(|(y, z, _)| cos * y + sin * z);
+        let nearest = |inverse: &[f64; 3]| {
+            let reach = [0, 1, 2].map(|j| along[j] * inverse[j]);
+            let k = if reach[0] >= reach[1] { 0 } else { 1 };
+            let k = if reach[2] > reach[k] { 2 } else { k };
+            (k, reach[k])
+        };
+        let (k, own) = nearest(&inverse_m);
+        if !wanted[k] || !(own > 0.0) {
+            beams.push(Beam::NOTHING);
+            continue;
+        }
+        let (k_behind, behind) = nearest(&inverse_behind_m);
+        let face_m = 1.0 / own;
+        let excess_m = (range_m - bias_m) * scale - face_m;
+        let depth_m = 1.0 / behind - face_m;
+        let state = match gap_m {
+            _ if excess_m.abs() <= tolerances_m[k] => State::Hit,
+            _ if range_m.is_nan() || excess_m < 0.0 => State::Unknown,
+            Some(_) if *range_m == f64::INFINITY => State::Unknown,
+            None => State::Gap,
+            Some(_) if excess_m >= GAP_SHARE * depth_m => State::Gap,
+            Some(_) => State::Mixed,
+        };
+        let again = second
+            .and_then(|second| second.get(i))
+            .is_some_and(|r| r.is_finite());
+        beams.push(Beam {
+            state: if state == State::Hit && again {
+                State::Both
+            } else {
+                state
+            },
+            face: k as u8,
+            face_m,
+            excess_m,
+            depth_m,
+            cos_incidence: [along[k], along[k_behind]],
+        });
+    }
+    if gap_m.is_some() {
+        drop_unsupported(beams);
+    }
+    drop_contradictions(beams);
+    if gap_m.is_some() {
+        mark_short(beams, fitted.map(|line| line.rms_m));
+    }
+}
+
+/// Finds mixed pixels that reach almost to the surface behind. Where that surface really is, the
+/// gap beams further from the hit tell (it need not be exactly the frame file's gap away).
+fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
+    let n = beams.len();
+    for i in 0..n {
+        let Beam {
+            state: State::Gap,
+            face,
+            excess_m,
+            depth_m,
+            ..
+        } = beams[i]
+        else {
+            continue;
+        };
+        let tolerance_m = (SHORT_SIGMA * sigma_m[usize::from(face)]).max(SHORT_MIN_M);
+        for inward in [1isize, -1] {
+            let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
+            let hit_near = [-1, -2].into_iter().any(|k| {
+                at(k).is_some_and(|j| {
+                    beams[j].is(State::Hit, face) || beams[j].is(State::Both, face)
+                })
+            });
+            if !hit_near {
+                continue;
+            }
+            let mut count = 0.0;
+            let mut sum = 0.0;
+            for j in (2..6)
+                .filter_map(at)
+                .take_while(|j| beams[*j].is(State::Gap, face))
+            {
+                sum += beams[j].excess_m / beams[j].depth_m;
+                count += 1.0;
+            }
+            if count >= 2.0 && excess_m < sum / count * depth_m - tolerance_m {
+                beams[i].state = State::Mixed;
+            }
+        }
+    }
+}
+
+/// A gap beam whose depth none of its gap neighbours shares did not meet the surface behind: a wild
+/// range that stands for a hit as well as for a gap.
+fn drop_unsupported(beams: &mut [Beam]) {
+    let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+    for i in 0..beams.len() {
+        let Beam {
+            state: State::Gap,
+            face,
+            ..
+        } = beams[i]
+        else {
+            continue;
+        };
+        let here = ratio(&beams[i]);
+        let shares = |b: &Beam| b.is(State::Gap, face) && (here - ratio(b)).abs() < SUPPORT_SHARE;
+        if i > 0 && shares(&beams[i - 1]) {
+            continue;
+        }
+        let around =
+            &beams[i.saturating_sub(SUPPORT_BEAMS)..beams.len().min(i + SUPPORT_BEAMS + 1)];
+        // The beam itself is among them.
+        let others = around.iter().filter(|b| b.is(State::Gap, face)).count() - 1;
+        let supported = around.iter().filter(|b| shares(b)).count() > 1;
+        if others >= 2 && !supported {
+            beams[i].state = State::Unknown;
+        }
+    }
+}
+
+/// A beam that three of its four neighbours contradict and none supports is not trusted.
+fn drop_contradictions(beams: &mut [Beam]) {
+    // Neighbours are judged as they were found: two beams back and one back before any change.
+    let nobody = (State::Unknown, NO_FACE);
+    let (mut back2, mut back1) = (nobody, nobody);
+    for i in 0..beams.len() {
+        let here = (beams[i].state, beams[i].face);
+        let other = match here.0 {
+            State::Hit => State::Gap,
+            State::Gap => State::Hit,
+            _ => {
+                (back2, back1) = (back1, here);
+                continue;
+            }
+        };
+        let ahead = |k: usize| beams.get(i + k).map_or(nobody, |b| (b.state, b.face));
+        let around = [back2, back1, ahead(1), ahead(2)];
+        let against = around.iter().filter(|b| **b == (other, here.1)).count();
+        if against >= 3 && !around.contains(&here) {
+            beams[i].state = State::Unknown;
+        }
+        (back2, back1) = (back1, here);
+    }
+}
+
+/// The run of sure beams before and behind an edge, as [`transitions`] reports it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transition {
+    /// The last sure beam before and the first behind.
+    pub beams: (usize, usize),
+    /// Whether the strip is behind it.
+    pub onto_strip: bool,
+    /// The face.
+    pub face: u8,
+    /// First and last mixed pixel between the two.
+    pub mixed: Option<(usize, usize)>,
+}
+
+/// Reports a transition wherever the last sure state changes on a face.
+pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
+    let mut last: Option<(usize, State)> = None;
+    let mut mixed: Option<(usize, usize)> = None;
+    let mut face = NO_FACE;
+    for (i, beam) in beams.iter().enumerate() {
+        if beam.face != face {
+            (last, mixed, face) = (None, None, beam.face);
+        }
+        match beam.state {
+            State::Hit | State::Gap => {}
+            State::Mixed | State::Both => {
+                mixed = Some((mixed.map_or(i, |(first, _)| first), i));
+                continue;
+            }
+            State::Unknown => continue,
+        }
+        if let Some((before, kind)) = last
+            && kind != beam.state
+        {
+            report(Transition {
+                beams: (before, i),
+                onto_strip: beam.state == State::Hit,
+                face,
+                mixed,
+            });
+        }
+        last = Some((i, beam.state));
+        mixed = None;
+    }
+}

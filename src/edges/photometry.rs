@@ -1,0 +1,343 @@
+//! Where between two beams a strip's edge lies, from how bright the beams about it are.
+//!
+//! A beam whose spot lies on the strip with the share f has the remission L (B + (A - B) f): A and
+//! B are the strip's and the background's remission, L is the law by which both fall with the angle
+//! of incidence, cos^p. The share is that of a uniform disc cut by the edge, F(q) = 1/2 + (q sqrt(1
+//! - q^2) + asin q)/pi with q the edge's distance from the beam's axis, across the beam and in spot
+//! radii. Both edges of a strip, A, B and p are fitted together, so that the edges' covariances hold
+//! what the levels leave open. Where the device sends the echoes of strip and background apart, the
+//! ratio of the two gives f without a level.
+//!
+//! Everything is in beam angles: an edge and the scanner's origin span a plane, which the scan plane
+//! cuts at the edge's angle, and a beam's distance from that plane is a sine.
+
+use super::footprint::share;
+use nalgebra::{SMatrix, SVector};
+
+/// Fitted: angles of both edges, A, B, p.
+const N: usize = 5;
+const FIRST: usize = 0;
+const SECOND: usize = 1;
+const STRIP: usize = 2;
+const BEHIND: usize = 3;
+const EXPONENT: usize = 4;
+
+const ITERATIONS: usize = 8;
+/// Residuals beyond this many sigma are weighted down, and beyond the other left out.
+const HUBER: f64 = 2.5;
+const CUT: f64 = 6.0;
+/// Iterations in which beams near an edge keep their weight, because the edge may still be off.
+const LENIENT: usize = 2;
+/// An edge has been found when a step is below this share of a spot radius, and is good enough at
+/// the end with the other; sigma is some hundredths of a radius.
+const CONVERGED: f64 = 0.01;
+const SETTLED: f64 = 0.05;
+/// Prior standard deviation of an edge, in lengths within which it is.
+const EDGE_PRIOR: f64 = 3.0;
+/// From this iteration on steps are halved.
+const SWINGING: usize = 5;
+/// An edge goes no further in one step, spot radii.
+const STEP_MAX: f64 = 0.7;
+/// Standard deviation of the rounding to whole digits, digits.
+const ROUNDING: f64 = 0.289;
+/// Shares are kept from 0 and 1 by this where a logarithm is taken.
+const SHARE_MIN: f64 = 0.01;
+
+/// What of a beam's light was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Light {
+    /// All of it, as one echo.
+    Whole,
+    /// The echo of the strip.
+    Strip,
+    /// The echo of the background.
+    Behind,
+    /// Both echoes: the logarithm of strip over background.
+    Ratio,
+}
+
+/// A beam about a strip.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    /// Angle of the beam, seen from the reference instant, rad.
+    pub angle_rad: f64,
+    /// Spot radii across the beam that a radian makes at the edges.
+    pub spots_per_rad: f64,
+    /// What was measured.
+    pub light: Light,
+    /// The remission, corrected for range; the logarithm of a ratio.
+    pub value: f64,
+    /// Standard deviation of the value from rounding, in its unit.
+    pub rounding: f64,
+    /// Logarithm of the cosine of incidence of the surface that the value belongs to; the
+    /// difference of two for a ratio.
+    pub ln_cos: f64,
+}
+
+impl Sample {
+    /// Rounding error of a remission of `digits` that was corrected to `value`.
+    pub fn rounding(value: f64, digits: f64) -> f64 {
+        ROUNDING * value / digits.max(1.0)
+    }
+}
+
+/// Where a fit starts and what is known before it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Start {
+    /// Angles of the first and second edge in beam order, rad; none where it is out of sight.
+    pub edges_rad: [Option<f64>; 2],
+    /// Within about what angle of that each is, rad.
+    pub reach_rad: [f64; 2],
+    /// A and B.
+    pub levels: [f64; 2],
+    /// p and its standard deviation.
+    pub exponent: (f64, f64),
+    /// Relative noise of a remission, and of the ratio of two echoes.
+    pub noise: [f64; 2],
+}
+
+/// A strip's edges and what they were found with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StripFit {
+    /// Angles, rad.
+    pub edges_rad: [f64; 2],
+    /// Their covariance, rad^2; infinite variance where there is no edge.
+    pub covariance: [[f64; 2]; 2],
+    /// Change of the angles with the footprint scale, rad for a scale of 1.
+    pub d_footprint: [f64; 2],
+    /// A and B.
+    pub levels: [f64; 2],
+    /// Standard deviation of A - B.
+    pub contrast_sigma: f64,
+    /// p as this strip alone tells it, and its information (1 / variance).
+    pub exponent: (f64, f64),
+    /// Sum of squared relative residuals and the degrees of freedom: of remissions, of ratios.
+    pub scatter: [(f64, f64); 2],
+    /// Mean squared normalised residual of the beams that each edge cuts.
+    pub near_chi2: [f64; 2],
+    /// Beams that each edge cuts.
+    pub near: [u32; 2],
+}
+
+/// What the model says of one beam: the value, its derivatives, the one to the footprint scale, the
+/// variance, and the share's own.
+struct Prediction {
+    value: f64,
+    row: SVector<f64, N>,
+    d_footprint: f64,
+    sigma: f64,
+    /// Which edges cut the spot.
+    cuts: [bool; 2],
+}
+
+#[derive(Clone, Copy)]
+struct Parameters(SVector<f64, N>);
+
+impl Parameters {
+    fn predict(&self, sample: &Sample, there: [bool; 2], start: &Start) -> Prediction {
+        let p = &self.0;
+        let per_rad = sample.spots_per_rad;
+        // Near an edge the sine is the angle to a part in a thousand of what counts; far away only
+        // its sign does.
+        let (off, on) = (sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad);
+        let one = |there: bool, angle: f64| {
+            let q = angle * per_rad;
+            if there {
+                (q, share(q))
+            } else {
+                (1.0, (1.0, 0.0))
+            }
+        };
+        let (q1, (f1, d1)) = one(there[0], off);
+        let (q2, (f2, d2)) = one(there[1], on);
+        let f = (f1 + f2 - 1.0).clamp(0.0, 1.0);
+        // Derivatives of f to the two edges and to the footprint scale (q goes with 1/scale).
+        let (df1, df2) = (-d1 * per_rad, d2 * per_rad);
+        let df_scale = -(d1 * q1 + d2 * q2);
+        let cuts = [d1 > 0.0, d2 > 0.0];
+        let (a, b) = (p[STRIP], p[BEHIND]);
+        let mut row = SVector::<f64, N>::zeros();
+        if sample.light == Light::Ratio {
+            let f = f.clamp(SHARE_MIN, 1.0 - SHARE_MIN);
+            let slope = 1.0 / (f * (1.0 - f));
+            row[FIRST] = slope * df1;
+            row[SECOND] = slope * df2;
+            row[STRIP] = 1.0 / a;
+            row[BEHIND] = -1.0 / b;
+            row[EXPONENT] = sample.ln_cos;
+            return Prediction {
+                value: (a * f / (b * (1.0 - f))).ln() + p[EXPONENT] * sample.ln_cos,
+                row,
+                d_footprint: slope * df_scale,
+                sigma: start.noise[1].hypot(sample.rounding),
+                cuts,
+            };
+        }
+        let level = (p[EXPONENT] * sample.ln_cos).exp();
+        let (inner, outer) = match sample.light {
+            Light::Strip => (f, 0.0),
+            Light::Behind => (0.0, 1.0 - f),
+            _ => (f, 1.0 - f),
+        };
+        let value = level * (a * inner + b * outer);
+        let slope = match sample.light {
+            Light::Strip => level * a,
+            Light::Behind => -level * b,
+            _ => level * (a - b),
+        };
+        row[FIRST] = slope * df1;
+        row[SECOND] = slope * df2;
+        row[STRIP] = level * inner;
+        row[BEHIND] = level * outer;
+        row[EXPONENT] = value * sample.ln_cos;
+        Prediction {
+            value,
+            row,
+            d_footprint: slope * df_scale,
+            sigma: (start.noise[0] * value).hypot(sample.rounding),
+            cuts,
+        }
+    }
+}
+
+/// Fits a strip's edges to the beams about it; none where they do not determine them.
+pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
+    let there = start.edges_rad.map(|e| e.is_some());
+    let [first, second] = start.edges_rad.map(|e| e.unwrap_or(0.0));
+    let mut p = Parameters(SVector::from([
+        first,
+        second,
+        start.levels[0],
+        start.levels[1],
+        start.exponent.0,
+    ]));
+    if !(start.levels[0] > 0.0 && start.levels[1] > 0.0) || samples.is_empty() {
+        return None;
+    }
+    let spots_per_rad = samples[samples.len() / 2].spots_per_rad;
+    let mut normal = SMatrix::<f64, N, N>::zeros();
+    let mut footprint = SVector::<f64, N>::zeros();
+    let prior_information = 1.0 / (start.exponent.1 * start.exponent.1);
+    let mut scatter = [(0.0, 0.0); 2];
+    let mut near_sum = [0.0; 2];
+    let mut near = [0u32; 2];
+    let mut far = f64::INFINITY;
+    for iteration in 0..ITERATIONS {
+        normal = SMatrix::zeros();
+        footprint = SVector::zeros();
+        let mut gradient = SVector::<f64, N>::zeros();
+        scatter = [(0.0, 0.0); 2];
+        near_sum = [0.0; 2];
+        near = [0; 2];
+        for sample in samples {
+            let prediction = p.predict(sample, there, start);
+            let residual = sample.value - prediction.value;
+            let normalised = residual / prediction.sigma;
+            let is_near = prediction.cuts[0] || prediction.cuts[1];
+            let size = normalised.abs();
+            let mut weight = 1.0;
+            if !(is_near && iteration < LENIENT) && size > HUBER {
+                weight = if size > CUT { 0.0 } else { HUBER / size };
+            }
+            for k in 0..2 {
+                if prediction.cuts[k] {
+                    near[k] += 1;
+                    near_sum[k] += normalised.min(10.0).powi(2);
+                }
+            }
+            if weight == 0.0 || !size.is_finite() {
+                continue;
+            }
+            let of = usize::from(sample.light == Light::Ratio);
+            let relative = if of == 1 { 1.0 } else { prediction.value };
+            // What rounding adds is taken off, so that the rest is the noise.
+            let square =
+                (residual * residual - sample.rounding * sample.rounding) / (relative * relative);
+            scatter[of].0 += weight * square;
+            scatter[of].1 += 1.0;
+            let w = weight / (prediction.sigma * prediction.sigma);
+            let row = &prediction.row;
+            for i in 0..N {
+                let wi = w * row[i];
+                if wi != 0.0 {
+                    for j in i..N {
+                        normal[(i, j)] += wi * row[j];
+                    }
+                    gradient[i] += wi * residual;
+                    footprint[i] += wi * prediction.d_footprint;
+                }
+            }
+        }
+        normal.fill_lower_triangle_with_upper_triangle();
+        normal[(EXPONENT, EXPONENT)] += prior_information;
+        gradient[EXPONENT] += prior_information * (start.exponent.0 - p.0[EXPONENT]);
+        for k in 0..2 {
+            // Weak enough not to matter unless no beam touches the edge.
+            let wide = EDGE_PRIOR * start.reach_rad[k];
+            let information = 1.0 / (wide * wide);
+            normal[(k, k)] += if there[k] { information } else { 1.0 };
+            if let Some(at) = start.edges_rad[k] {
+                gradient[k] += information * (at - p.0[k]);
+            }
+        }
+        let step = normal.cholesky()?.solve(&gradient);
+        far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
+        // A beam at the rim of the spot can make the steps swing; shorter ones settle.
+        let most = if iteration < SWINGING {
+            STEP_MAX
+        } else {
+            0.5 * far
+        };
+        let shorter = if far > most { most / far } else { 1.0 };
+        p.0 += step * shorter;
+        if !(p.0[STRIP] > 0.0 && p.0[BEHIND] > 0.0 && step.iter().all(|s| s.is_finite())) {
+            return None;
+        }
+        if far < CONVERGED && iteration + 1 >= LENIENT {
+            break;
+        }
+    }
+    if !(far < SETTLED) {
+        return None;
+    }
+    let covariance = normal.cholesky()?.inverse();
+    let d_footprint = -(covariance * footprint);
+    let variance = |k: usize| {
+        if there[k] {
+            covariance[(k, k)]
+        } else {
+            f64::INFINITY
+        }
+    };
+    // What the strip itself says of p is the posterior without the prior.
+    let posterior_information = 1.0 / covariance[(EXPONENT, EXPONENT)];
+    let own_information = (posterior_information - prior_information).max(0.0);
+    let own = if own_information > 1e-9 {
+        (posterior_information * p.0[EXPONENT] - prior_information * start.exponent.0)
+            / own_information
+    } else {
+        start.exponent.0
+    };
+    let fitted = there.iter().filter(|t| **t).count() as f64 + 2.0;
+    let beams = scatter[0].1 + scatter[1].1;
+    // The parameters take their part of both kinds of residuals.
+    for (_, freedom) in &mut scatter {
+        *freedom -= fitted * *freedom / beams.max(1.0);
+    }
+    let contrast = covariance[(STRIP, STRIP)] + covariance[(BEHIND, BEHIND)]
+        - 2.0 * covariance[(STRIP, BEHIND)];
+    Some(StripFit {
+        edges_rad: [p.0[FIRST], p.0[SECOND]],
+        covariance: [
+            [variance(0), covariance[(0, 1)]],
+            [covariance[(0, 1)], variance(1)],
+        ],
+        d_footprint: [d_footprint[0], d_footprint[1]],
+        levels: [p.0[STRIP], p.0[BEHIND]],
+        contrast_sigma: contrast.max(0.0).sqrt(),
+        exponent: (own, own_information),
+        scatter,
+        near_chi2: [0, 1].map(|k| near_sum[k] / f64::from(near[k].max(1))),
+        near,
+    })
+}
