@@ -82,7 +82,7 @@ def reached(frame, design, effects, out):
     output(
         f"simulate -q -f {frame} --effects {effects} --trajectory random --n-scans 2000 --seed 11"
         f" --z-range 0.5,4 --x-range=-{x},{x} --truth {run}.truth.csv --imu {run}.imu.csv"
-        f" | extract-lines -q -f {frame} - | solve-pose -q -f {frame} --imu {run}.imu.csv"
+        f" -o {run}.scans.csv && extract-lines -q -f {frame} {run}.scans.csv | solve-pose -q -f {frame} --imu {run}.imu.csv"
         f" --imu-pitch-sigma-deg 0 > {run}.poses.csv"
     )
     text = output(f"report -q --truth {run}.truth.csv --json {run}.poses.csv")

@@ -41,8 +41,8 @@ fn a_map_agrees_with_scans() {
     sh(
         &dir,
         "simulate -q -f frame.toml --effects reference,-remission --trajectory random --n-scans 600 \
-         --truth truth.csv --imu imu.csv | extract-lines -q -f frame.toml | solve-pose -q \
-         -f frame.toml --imu imu.csv --imu-pitch-sigma-deg 0 > poses.csv",
+         --truth truth.csv --imu imu.csv -o scans.csv && extract-lines -q -f frame.toml scans.csv \
+         | solve-pose -q -f frame.toml --imu imu.csv --imu-pitch-sigma-deg 0 > poses.csv",
     )
     .expect(0);
     let found = |component: &str| {

@@ -244,10 +244,10 @@ fn place(
         let rotation_rad = [tilt(b), tilt(c), tilt(d)];
         place.tried += 1;
         let found = information::of_scan(frame, fan, position_m, rotation_rad, assumed);
-        if let Some(covariance) = found {
+        if let Some(variances) = found {
             place.told += 1;
             for (k, sum) in place.variances.iter_mut().enumerate() {
-                *sum += covariance[(k, k)];
+                *sum += variances[k];
             }
         }
     }
