@@ -29,6 +29,7 @@ mod measured;
 mod number;
 pub mod origin;
 pub mod page;
+mod pushes;
 mod scale;
 mod scans;
 mod statistics;
