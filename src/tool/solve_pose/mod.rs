@@ -3,6 +3,7 @@
 mod align;
 mod arguments;
 mod attitude;
+mod calibrate;
 
 pub use arguments::{Args, Method};
 
@@ -14,6 +15,7 @@ use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Fault, Outcome, Stage};
 use align::Align;
 use attitude::AttitudeSource;
+use calibrate::Calibrate;
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
@@ -24,6 +26,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let (frame, text) = args.frame.read()?;
     options.configuration = Some(text.clone());
+    let calibrate = Calibrate::asked(&args, &frame, &text, options.quiet)?;
     let x_constant = args.align.align_x_constant;
     let align = args
         .align
@@ -35,6 +38,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
         align,
+        calibrate,
         solved: 0,
         unsolved: 0,
     };
@@ -48,6 +52,7 @@ struct Solve {
     joint: Estimator,
     attitude: AttitudeSource,
     align: Option<Align>,
+    calibrate: Option<Calibrate>,
     solved: u64,
     unsolved: u64,
 }
@@ -74,6 +79,9 @@ impl Stage for Solve {
         };
         if let (Some(align), Some(attitude)) = (&mut self.align, attitude.filter(|a| !a.stale)) {
             align.add(&pose, &attitude, &self.frame, solve);
+        }
+        if let Some(calibrate) = &mut self.calibrate {
+            calibrate.add(lines, &pose, pitch, attitude.as_ref(), changes_rad);
         }
         if pose.is_solved() {
             self.solved += 1;
@@ -103,8 +111,12 @@ impl Stage for Solve {
             Some(align) => align.write(&self.frame)?,
             None => true,
         };
+        let calibrated = match &self.calibrate {
+            Some(calibrate) => calibrate.write(&self.frame)?,
+            None => true,
+        };
         let nothing = self.solved == 0 && self.unsolved > 0;
-        Ok(if nothing || !aligned {
+        Ok(if nothing || !aligned || !calibrated {
             Outcome::Degraded
         } else {
             Outcome::Done
