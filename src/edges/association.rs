@@ -23,6 +23,12 @@ const CANDIDATES: usize = 6;
 const VOTE_M: f64 = 0.09;
 /// Tolerances of the association as the estimate improves, m.
 const TOLERANCES_M: [f64; 4] = [0.12, 0.06, 0.03, 0.02];
+/// What an edge that is met exactly is worth: three sigma squared.
+const WORTH: f64 = 9.0;
+/// The scan before needs no second opinion if this share of all edges is explained, and of so many
+/// at least.
+const SURE: f64 = 0.6;
+const SURE_EDGES: usize = 6;
 /// Prior standard deviations of x, yaw and pitch.
 const PRIOR: [f64; 3] = [0.3, 0.14, 0.035];
 
@@ -91,28 +97,25 @@ impl Association {
         if edges.is_empty() {
             return None;
         }
-        let wanted = edges.len().min(self.boundaries.len());
         let start = self.last.take();
-        let mut matched = 0;
         let mut at = start.unwrap_or_default();
+        let mut best = f64::NEG_INFINITY;
         if start.is_some() {
-            matched = self.refine(frame, lines, edges, &mut at, 1);
+            best = self.refine(frame, lines, edges, &mut at, 1);
         }
-        if matched < wanted.min(6) || matched * 2 < edges.len() {
-            // Several peaks of the vote may look alike; the one that explains most edges counts.
-            matched = 0;
+        // Enough edges that fit leave no room for another explanation; a few do.
+        if best < SURE * WORTH * edges.len().max(SURE_EDGES) as f64 {
+            // Several peaks of the vote may look alike; the one that explains the edges best counts.
             for candidate in self.vote(frame, lines, edges) {
                 let mut refined = candidate;
                 let explained = self.refine(frame, lines, edges, &mut refined, 0);
-                if explained > matched {
-                    (matched, at) = (explained, refined);
-                }
-                if matched == edges.len() {
-                    break;
+                if explained > best {
+                    (best, at) = (explained, refined);
                 }
             }
-            matched = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
         }
+        let matched = self.taken.iter().flatten().count();
         self.last = (matched >= 3).then_some(at);
         let pose = pose_on_lines(frame, lines, at);
         for Found { edge, .. } in edges.iter_mut() {
@@ -180,7 +183,8 @@ impl Association {
         edges.iter().zip(&self.middles).map(fit).sum()
     }
 
-    /// Alternates association and least squares; returns the number of edges with a strip.
+    /// Alternates association and least squares; returns how well the edges are explained: up to
+    /// [`WORTH`] for each, less what the state is away from the middle.
     fn refine(
         &mut self,
         frame: &Frame,
@@ -188,11 +192,12 @@ impl Association {
         edges: &mut [Found],
         at: &mut [f64; 3],
         from: usize,
-    ) -> usize {
-        let mut matched = 0;
+    ) -> f64 {
+        let mut explained = f64::NEG_INFINITY;
         for tolerance_m in &TOLERANCES_M[from..] {
             self.see(frame, lines, edges, *at);
-            matched = self.nearest(edges, *tolerance_m);
+            self.nearest(edges, *tolerance_m);
+            explained = 0.0;
             let mut information = Matrix3::zeros();
             let mut gradient = Vector3::zeros();
             for k in 0..3 {
@@ -203,12 +208,14 @@ impl Association {
                 };
                 information[(k, k)] = 1.0 / (sigma * sigma);
                 gradient[k] = -at[k] / (sigma * sigma);
+                explained -= (at[k] / sigma).powi(2);
             }
             for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
                 let Some((e, gap_m)) = *taken else { continue };
                 let middle = &self.middles[e];
                 let row = Vector3::from_fn(|k, _| middle.d_v[k] - boundary.slope * middle.d_x[k]);
                 let weight = 1.0 / (middle.half_m * middle.half_m / 3.0 + 4e-6);
+                explained += (WORTH - weight * gap_m * gap_m).max(0.0);
                 information += weight * row * row.transpose();
                 gradient -= weight * gap_m * row;
             }
@@ -218,12 +225,12 @@ impl Association {
                 at[2] = (at[2] + step[2]).clamp(-0.2, 0.2);
             }
         }
-        matched
+        explained
     }
 
     /// Gives every boundary the nearest edge of its kind within the tolerance, and the edges their
     /// strips.
-    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) -> usize {
+    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) {
         self.taken.clear();
         self.taken.resize(self.boundaries.len(), None);
         for (e, (Found { edge, .. }, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
@@ -246,14 +253,11 @@ impl Association {
                 self.taken[b] = Some((e, gap_m));
             }
         }
-        let mut matched = 0;
         for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
             if let Some((e, _)) = taken {
                 edges[*e].edge.strip = boundary.strip as i32;
-                matched += 1;
             }
         }
-        matched
     }
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.

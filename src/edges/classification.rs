@@ -16,10 +16,13 @@ const GAP_SHARE: f64 = 0.85;
 const SHORT_SIGMA: f64 = 4.0;
 const SHORT_MIN_M: f64 = 0.030;
 
-/// A gap beam shares its depth behind the face with one of so many beams on either side, to within
-/// this share of the gap.
+/// A sure beam is like one of so many beams on either side; a gap beam in its depth behind the face,
+/// to within this share of the gap.
 const SUPPORT_BEAMS: usize = 4;
 const SUPPORT_SHARE: f64 = 0.15;
+
+/// Mixed pixels lie no further than this from the sure beams around them, beams.
+const MIXED_NEAR: usize = 2;
 
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,9 +155,7 @@ pub(super) fn classify(
             cos_incidence: [along[k], along[k_behind]],
         });
     }
-    if gap_m.is_some() {
-        drop_unsupported(beams);
-    }
+    drop_unsupported(beams, gap_m.is_some());
     drop_contradictions(beams);
     if gap_m.is_some() {
         mark_short(beams, fitted.map(|line| line.rms_m));
@@ -203,30 +204,27 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
     }
 }
 
-/// A gap beam whose depth none of its gap neighbours shares did not meet the surface behind: a wild
-/// range that stands for a hit as well as for a gap.
-fn drop_unsupported(beams: &mut [Beam]) {
-    let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+/// A sure beam stands alone if no other within some beams says the same: a wild range that stands
+/// for a hit as well as for a gap. Gap beams say the same if their depths behind the face agree
+/// (with nothing behind there are none).
+fn drop_unsupported(beams: &mut [Beam], with_depth: bool) {
+    let agree = |a: &Beam, b: &Beam| match a.state {
+        State::Hit => b.is(State::Hit, a.face) || b.is(State::Both, a.face),
+        State::Gap => {
+            let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+            b.is(State::Gap, a.face) && (!with_depth || (ratio(a) - ratio(b)).abs() < SUPPORT_SHARE)
+        }
+        _ => true,
+    };
     for i in 0..beams.len() {
-        let Beam {
-            state: State::Gap,
-            face,
-            ..
-        } = beams[i]
-        else {
-            continue;
-        };
-        let here = ratio(&beams[i]);
-        let shares = |b: &Beam| b.is(State::Gap, face) && (here - ratio(b)).abs() < SUPPORT_SHARE;
-        if i > 0 && shares(&beams[i - 1]) {
+        let beam = beams[i];
+        if !matches!(beam.state, State::Hit | State::Gap) || (i > 0 && agree(&beam, &beams[i - 1]))
+        {
             continue;
         }
-        let around =
-            &beams[i.saturating_sub(SUPPORT_BEAMS)..beams.len().min(i + SUPPORT_BEAMS + 1)];
-        // The beam itself is among them.
-        let others = around.iter().filter(|b| b.is(State::Gap, face)).count() - 1;
-        let supported = around.iter().filter(|b| shares(b)).count() > 1;
-        if others >= 2 && !supported {
+        let before = &beams[i.saturating_sub(SUPPORT_BEAMS)..i];
+        let behind = &beams[i + 1..beams.len().min(i + SUPPORT_BEAMS + 1)];
+        if !before.iter().chain(behind).any(|other| agree(&beam, other)) {
             beams[i].state = State::Unknown;
         }
     }
@@ -290,6 +288,10 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
         if let Some((before, kind)) = last
             && kind != beam.state
         {
+            // A mixed pixel tells of the edge only in an unbroken run of beams: among beams that
+            // something hides it may be anything.
+            let mixed = mixed
+                .filter(|(first, last)| first - before <= MIXED_NEAR && i - last <= MIXED_NEAR);
             report(Transition {
                 beams: (before, i),
                 onto_strip: beam.state == State::Hit,

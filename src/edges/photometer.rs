@@ -26,6 +26,8 @@ const EXPONENT_FLOOR: f64 = 0.02;
 /// Relative noise of a remission before any scan, and for how many beams that counts.
 const NOISE: f64 = 0.04;
 const NOISE_BEAMS: f64 = 12.0;
+/// It is never held for less.
+const NOISE_FLOOR: f64 = 0.01;
 /// The noise is forgotten over this many beams.
 const MEMORY_BEAMS: f64 = 4000.0;
 /// A saturated device repeats its highest digit: on at least this many beams, and on at least this
@@ -40,6 +42,9 @@ const CONTRAST_SIGMAS: f64 = 8.0;
 /// better) and this many sigma.
 const OUTSIDE_SPOTS: f64 = 0.5;
 const OUTSIDE_SIGMAS: f64 = 4.0;
+/// On either side of an edge there is a beam no further away than so many spot radii and beams.
+const CLOSE_SPOTS: f64 = 1.0;
+const CLOSE_BEAMS: f64 = 1.6;
 /// Mean squared normalised residual of the beams at an edge above which the model does not hold.
 const NEAR_CHI2_MAX: f64 = 6.0;
 
@@ -59,7 +64,7 @@ impl Noise {
     }
 
     fn sigma(&self) -> f64 {
-        (self.sum / self.beams).max(1e-8).sqrt()
+        (self.sum / self.beams).sqrt().max(NOISE_FLOOR)
     }
 
     fn learn(&mut self, (sum, beams): (f64, f64)) {
@@ -152,6 +157,8 @@ impl Photometer {
                         }),
                         exponent,
                         noise,
+                        debug: std::env::var("EDGE_DEBUG")
+                            .is_ok_and(|v| v == view.lines.stamp.ns().to_string()),
                     };
                     match photometry::fit(&self.samples, &start) {
                         Some(fit) if self.stands_out(&fit) => {
@@ -358,8 +365,11 @@ fn accept(fit: &StripFit, basis: EdgeBasis, window: &Window, found: &mut [Found]
         let at = fit.edges_rad[k];
         let fits = at > edge.from_rad - spare_rad && at < edge.to_rad + spare_rad;
         // An interval can say more than too few beams.
+        let reach_rad =
+            CLOSE_SPOTS / window.slant.spots_per_rad + CLOSE_BEAMS * window.increment_rad;
+        let framed = fit.closest_rad[k].iter().all(|c| *c < reach_rad);
         let sharper = sigma_rad < 0.5 * (edge.to_rad - edge.from_rad);
-        if sigma_rad.is_finite() && fits && sharper && fit.near_chi2[k] < NEAR_CHI2_MAX {
+        if sigma_rad.is_finite() && fits && framed && sharper && fit.near_chi2[k] < NEAR_CHI2_MAX {
             edge.edge_rad = at;
             edge.sigma_rad = sigma_rad;
             edge.d_footprint = fit.d_footprint[k];
@@ -398,6 +408,7 @@ struct Window {
     /// Beams that each edge's spot may reach, first and last.
     near: [Option<(usize, usize)>; 2],
     slant: Slant,
+    increment_rad: f64,
 }
 
 impl Window {
@@ -457,6 +468,7 @@ impl Window {
             ends: [start.max(low), end.min(high).min(last_beam)],
             near,
             slant,
+            increment_rad,
         }
     }
 

@@ -94,6 +94,7 @@ pub(super) struct Start {
     pub exponent: (f64, f64),
     /// Relative noise of a remission, and of the ratio of two echoes.
     pub noise: [f64; 2],
+    pub debug: bool,
 }
 
 /// A strip's edges and what they were found with.
@@ -117,6 +118,8 @@ pub(super) struct StripFit {
     pub near_chi2: [f64; 2],
     /// Beams that each edge cuts.
     pub near: [u32; 2],
+    /// Angle from each edge to the next beam on its strip and on its background, rad.
+    pub closest_rad: [[f64; 2]; 2],
 }
 
 /// What the model says of one beam: the value, its derivatives, the one to the footprint scale, the
@@ -221,6 +224,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let mut scatter = [(0.0, 0.0); 2];
     let mut near_sum = [0.0; 2];
     let mut near = [0u32; 2];
+    let mut closest_rad = [[f64::INFINITY; 2]; 2];
     let mut far = f64::INFINITY;
     for iteration in 0..ITERATIONS {
         normal = SMatrix::zeros();
@@ -281,6 +285,12 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             }
         }
         let step = normal.cholesky()?.solve(&gradient);
+        if start.debug {
+            eprintln!(
+                "it {iteration} {:?} step {:?} near {near:?} {near_sum:?}",
+                p.0.data.0[0], step.data.0[0]
+            );
+        }
         far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
         // A beam at the rim of the spot can make the steps swing; shorter ones settle.
         let most = if iteration < SWINGING {
@@ -295,6 +305,20 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         }
         if far < CONVERGED && iteration + 1 >= LENIENT {
             break;
+        }
+    }
+    if start.debug {
+        for s in samples {
+            let q = p.predict(s, there, start);
+            eprintln!(
+                "  {:.3} q {:.2} {:.2} value {:.2} pred {:.2} n {:.2}",
+                s.angle_rad.to_degrees(),
+                (s.angle_rad - p.0[0]) * s.spots_per_rad,
+                (p.0[1] - s.angle_rad) * s.spots_per_rad,
+                s.value,
+                q.value,
+                (s.value - q.value) / q.sigma
+            );
         }
     }
     if !(far < SETTLED) {
@@ -324,6 +348,16 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     for (_, freedom) in &mut scatter {
         *freedom -= fitted * *freedom / beams.max(1.0);
     }
+    for sample in samples {
+        let inwards = [
+            sample.angle_rad - p.0[FIRST],
+            p.0[SECOND] - sample.angle_rad,
+        ];
+        for (closest, inward) in closest_rad.iter_mut().zip(inwards) {
+            let side = usize::from(inward < 0.0);
+            closest[side] = closest[side].min(inward.abs());
+        }
+    }
     let contrast = covariance[(STRIP, STRIP)] + covariance[(BEHIND, BEHIND)]
         - 2.0 * covariance[(STRIP, BEHIND)];
     Some(StripFit {
@@ -339,5 +373,6 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         scatter,
         near_chi2: [0, 1].map(|k| near_sum[k] / f64::from(near[k].max(1))),
         near,
+        closest_rad,
     })
 }
