@@ -8,11 +8,20 @@
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
+//! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken
+//! - [`pool`] those beams
 //! - [`assembly`] segments from beams on one line each
+//!
+//! [`dissertation`] goes Kurniawan's way to a frame's three lines and the ends of its strips.
 
 pub mod assembly;
+pub mod dissertation;
+pub mod em;
 pub mod extractor;
 pub mod fit;
+pub mod hough;
+pub mod pool;
+pub mod ransac;
 pub mod reflectors;
 pub mod segmentation;
 pub mod split_and_merge;

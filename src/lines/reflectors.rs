@@ -11,7 +11,7 @@
 //! behind the ceiling returns more beams than the strips do, so the strip plane is where points
 //! pile up in that plane *and* one background gap behind it. Later scans start from the one before.
 
-mod cold_start;
+pub(super) mod cold_start;
 
 use crate::frame::Frame;
 use crate::record::{

@@ -2,6 +2,7 @@
 
 use super::case::Case;
 use super::json;
+use super::lines::{self, Score};
 
 /// A condition under which the report fails.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +49,22 @@ pub struct Verdict {
 impl std::str::FromStr for Gate {
     type Err = GateError;
 
+    /// A gate on a statistic of poses.
     fn from_str(text: &str) -> Result<Gate, GateError> {
+        Gate::parse(text, json::statistic_exists)
+    }
+}
+
+impl Gate {
+    /// A gate on a statistic of lines, as `truepos_pct<93`.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn for_lines(text: &str) -> Result<Gate, GateError> {
+        Gate::parse(text, lines::statistic_exists)
+    }
+
+    fn parse(text: &str, exists: impl Fn(&str) -> bool) -> Result<Gate, GateError> {
         let fail = |why: &str| GateError {
             text: text.to_owned(),
             why: why.to_owned(),
@@ -74,7 +90,7 @@ impl std::str::FromStr for Gate {
             None => (None, left),
         };
         let statistic = statistic.trim().to_owned();
-        if !json::statistic_exists(&statistic) {
+        if !exists(&statistic) {
             return Err(fail(&format!("there is no statistic '{statistic}'")));
         }
         Ok(Gate {
@@ -86,9 +102,7 @@ impl std::str::FromStr for Gate {
             limit,
         })
     }
-}
 
-impl Gate {
     /// Whether the gate is for this case.
     pub fn is_for(&self, case: &Case) -> bool {
         match self.only.as_deref() {
@@ -106,7 +120,17 @@ impl Gate {
 
     /// Holds the gate against a case.
     pub fn judge(&self, case: &Case) -> Verdict {
-        let value = json::statistic(case, &self.statistic);
+        self.judge_value(case.name(), json::statistic(case, &self.statistic))
+    }
+
+    /// Holds the gate against a score of lines; none where it is for another run.
+    pub fn judge_lines(&self, score: &Score) -> Option<Verdict> {
+        let is_for = self.only.as_ref().is_none_or(|only| *only == score.name);
+        let value = || lines::statistic(score, &self.statistic);
+        is_for.then(|| self.judge_value(score.name.clone(), value()))
+    }
+
+    fn judge_value(&self, case: String, value: Option<f64>) -> Verdict {
         let failed = match value {
             None => true,
             Some(v) if self.or_equal && v == self.limit => true,
@@ -115,7 +139,7 @@ impl Gate {
         };
         Verdict {
             gate: self.text.clone(),
-            case: case.name(),
+            case,
             value,
             excess: match value {
                 Some(v) if failed => (v - self.limit).abs(),

@@ -1,5 +1,6 @@
 //! What a run of poses is worth: its error against a true or desired trajectory, per component,
 //! over time and over the workspace; whether its covariances are honest; what became of every scan.
+//! And what extracted lines are worth ([`lines`]).
 //!
 //! The way through the room:
 //!
@@ -22,6 +23,7 @@ mod figure;
 mod gate;
 mod inertial;
 pub mod json;
+pub mod lines;
 mod measured;
 mod number;
 pub mod origin;

@@ -11,6 +11,7 @@
 //! - [`effects`], [`parameters`]: what is switched on and how large it is
 //! - `course`: where the platform is
 //! - [`random`]: independent streams of random numbers
+//! - [`office`]: a floor of rooms for line extractors, which has nothing to do with the frame
 //!
 //! The same arguments give the same bytes: every transcendental function comes from `libm`, every
 //! effect and every scan has its own stream of random numbers.
@@ -23,6 +24,7 @@ pub mod exchanges;
 mod inertial;
 mod jitter;
 mod occlusion;
+pub mod office;
 pub mod parameters;
 pub mod random;
 mod ranging;

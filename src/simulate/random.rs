@@ -43,6 +43,12 @@ pub enum Purpose {
     Imu = 15,
     /// The IMU's constant errors.
     ImuBias = 16,
+    /// The plan of an office.
+    OfficePlan = 32,
+    /// Places in an office.
+    OfficePlace = 33,
+    /// Errors of the ranges in an office.
+    OfficeRanges = 34,
 }
 
 /// The seed of a run.

@@ -1,8 +1,9 @@
 //! `simulate`: makes scans, IMU samples and the truth of a run through a virtual frame, or is the
-//! scanner itself.
+//! scanner itself. Or scans of a scene that is no frame.
 
 mod args;
 mod cola;
+mod office;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;
@@ -23,6 +24,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     // The derived arguments do not tell what was written from what is a default.
     if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
         args::refuse_foreign(&args, &written)?;
+    }
+    if args.scene.scene.is_some() {
+        return office::run(&args);
     }
     if args.serve.is_asked() {
         return serve::run(&args);

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The search, with its histograms kept from scan to scan.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ColdStart {
+pub(in crate::lines) struct ColdStart {
     points: Vec<(f64, f64)>,
     across: Histogram,
     up: Histogram,
@@ -59,7 +59,7 @@ const ROLL_STEP_RAD: f64 = 0.5 * PI / 180.0;
 
 impl ColdStart {
     /// Right, upper and left line to within a few centimetres and half a degree.
-    pub(super) fn find(
+    pub(in crate::lines) fn find(
         &mut self,
         beams: &BeamTable,
         ranges_m: &[f64],

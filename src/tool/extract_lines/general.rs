@@ -1,12 +1,19 @@
 //! All lines of any scene: the options, the methods by name, and the stage.
 
+use super::strategy::{self, WindowArgs};
 use super::{Method, positive};
+use crate::lines::em::{Em, EmOptions};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
+use crate::lines::hough::{
+    FastHough, FastHoughOptions, Hough, HoughOptions, ModifiedHough, ModifiedHoughOptions,
+    WindowSize,
+};
+use crate::lines::ransac::{Ransac, RansacOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{Scan, Segment};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
+use crate::record::{NormalLine, Scan, Segment};
+use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
 use std::path::Path;
 
 /// Settings of the extractors for any scene.
@@ -164,12 +171,33 @@ impl GeneralArgs {
     }
 
     /// The extractor of a method; none for the reflectors, which are no general scene.
-    fn extractor(&self, method: Method) -> Result<Box<dyn Extractor>, Fault> {
+    fn extractor(&self, method: Method, window: WindowSize) -> Result<Box<dyn Extractor>, Fault> {
         let common = self.options()?;
+        let hough = HoughOptions {
+            common,
+            ..HoughOptions::default()
+        };
         match method {
             Method::SplitAndMerge => Ok(Box::new(SplitAndMerge::new(SplitAndMergeOptions {
                 common,
                 ..SplitAndMergeOptions::default()
+            }))),
+            Method::Hough => Ok(Box::new(Hough::new(hough))),
+            Method::FastHough => Ok(Box::new(FastHough::new(FastHoughOptions {
+                common,
+                ..FastHoughOptions::default()
+            }))),
+            Method::ModifiedHough => Ok(Box::new(ModifiedHough::new(ModifiedHoughOptions {
+                whole: hough,
+                window,
+            }))),
+            Method::Ransac => Ok(Box::new(Ransac::new(RansacOptions {
+                common,
+                ..RansacOptions::default()
+            }))),
+            Method::Em => Ok(Box::new(Em::new(EmOptions {
+                common,
+                ..EmOptions::default()
             }))),
             _ => {
                 let text = format!("--method {} cannot be used here", method.name());
@@ -183,20 +211,38 @@ impl GeneralArgs {
 pub(super) fn run(
     method: Method,
     settings: &GeneralArgs,
+    windows: &WindowArgs,
     input: Option<&Path>,
     options: &Options,
 ) -> anyhow::Result<Outcome> {
+    let mut extractor = settings.extractor(method, windows.size())?;
+    if let Some(path) = &windows.predict {
+        extractor.expect(&predicted(path, options)?);
+    }
     let mut stage = General {
-        extractor: settings.extractor(method)?,
+        extractor,
         segments: Vec::new(),
+        follows: method == Method::ModifiedHough,
+        lines: Vec::new(),
     };
     stream::filter(options, input, &mut stage)
+}
+
+/// The lines of the first scan in a file of segments.
+fn predicted(path: &Path, options: &Options) -> anyhow::Result<Vec<NormalLine>> {
+    let segments: Vec<Segment> = read_all(Some(path), &strategy::side(options))?;
+    let first = segments.first().map(|segment| segment.stamp);
+    let of_first = segments.iter().filter(|s| Some(s.stamp) == first);
+    Ok(of_first.map(|segment| segment.normal).collect())
 }
 
 /// Scans in, the segments of each out.
 struct General {
     extractor: Box<dyn Extractor>,
     segments: Vec<Segment>,
+    /// Whether a scan's lines are the prediction for the next.
+    follows: bool,
+    lines: Vec<NormalLine>,
 }
 
 impl Stage for General {
@@ -207,6 +253,11 @@ impl Stage for General {
         self.extractor.extract(scan, &mut self.segments);
         for segment in &self.segments {
             emit.write(segment)?;
+        }
+        if self.follows {
+            self.lines.clear();
+            self.lines.extend(self.segments.iter().map(|s| s.normal));
+            self.extractor.expect(&self.lines);
         }
         Ok(())
     }

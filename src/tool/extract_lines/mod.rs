@@ -2,6 +2,7 @@
 
 mod general;
 mod reflectors;
+mod strategy;
 
 use self::general::GeneralArgs;
 use self::reflectors::ReflectorArgs;
@@ -37,6 +38,8 @@ pub struct Args {
     reflectors: ReflectorArgs,
     #[command(flatten)]
     general: GeneralArgs,
+    #[command(flatten)]
+    windows: strategy::WindowArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -109,17 +112,43 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Method::Reflectors => {
             reflectors::run(frame, &args.reflectors, args.input.as_deref(), &options)
         }
-        method => general::run(method, &args.general, args.input.as_deref(), &options),
+        Method::Dissertation => {
+            strategy::run(frame, true, &args.windows, args.input.as_deref(), &options)
+        }
+        Method::ModifiedHough if frame.is_some() => {
+            strategy::run(frame, false, &args.windows, args.input.as_deref(), &options)
+        }
+        method => general::run(
+            method,
+            &args.general,
+            &args.windows,
+            args.input.as_deref(),
+            &options,
+        ),
     }
 }
 
 /// Refuses an option of another kind of method, which would have no effect.
 fn refuse_foreign(method: Method, args: &Args) -> Result<(), Fault> {
-    let (foreign, owner) = match method {
-        Method::Reflectors => (args.general.given(), "the methods for any scene"),
-        _ => (args.reflectors.given(), "--method reflectors"),
-    };
-    foreign.map_or(Ok(()), |option| {
+    let windowed = matches!(method, Method::ModifiedHough | Method::Dissertation);
+    let is_frame = method == Method::Reflectors || (windowed && args.frame.is_some());
+    let owners = [
+        (is_frame, args.general.given(), "the methods for any scene"),
+        (
+            method != Method::Reflectors,
+            args.reflectors.given(),
+            "--method reflectors",
+        ),
+        (
+            !windowed,
+            args.windows.given(),
+            "--method modified-hough and dissertation",
+        ),
+    ];
+    let foreign = owners
+        .into_iter()
+        .find_map(|(refused, given, owner)| Some((given.filter(|_| refused)?, owner)));
+    foreign.map_or(Ok(()), |(option, owner)| {
         let used = method.name();
         let text = format!("{option} belongs to {owner}; the method is {used}");
         Err(Fault::Usage(text))

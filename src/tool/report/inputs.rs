@@ -1,8 +1,8 @@
 //! report's inputs: the runs and what they are compared with, in an order that cannot deadlock.
 
-use crate::record::{ImuSample, Pose, TrajectoryPoint};
+use crate::record::{ImuSample, Pose, Segment, TrajectoryPoint};
 use crate::report::{Inertial, Recording, Run, origin};
-use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies};
+use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies, read_all};
 use std::path::Path;
 use std::thread;
 
@@ -75,6 +75,35 @@ pub(super) fn read_imu(path: &Path, options: &Options) -> anyhow::Result<Inertia
         recording.push(sample);
     }
     Ok(recording.finish(origin::input_name(path)))
+}
+
+/// True segments and those of every run: first what comes through pipes, all at the same time, then
+/// files, as in [`read`].
+pub(super) fn read_segments(
+    truth: &Path,
+    sources: &[origin::Source],
+    options: &Options,
+) -> anyhow::Result<(Vec<Segment>, Vec<Vec<Segment>>)> {
+    let paths: Vec<&Path> = std::iter::once(truth)
+        .chain(sources.iter().map(|source| source.path.as_path()))
+        .collect();
+    let mut read: Vec<Vec<Segment>> = vec![Vec::new(); paths.len()];
+    for pipes in [true, false] {
+        thread::scope(|scope| {
+            let threads: Vec<_> = paths
+                .iter()
+                .enumerate()
+                .filter(|(_, path)| is_pipe(path) == pipes)
+                .map(|(i, path)| (i, scope.spawn(move || read_all(Some(path), options))))
+                .collect();
+            for (i, thread) in threads {
+                read[i] = joined(thread)?;
+            }
+            anyhow::Ok(())
+        })?;
+    }
+    let runs = read.split_off(1);
+    Ok((read.pop().unwrap_or_default(), runs))
 }
 
 /// Whether an input is stdin, a FIFO or a device: anything but a file that is there or will be.

@@ -24,6 +24,25 @@ pub(super) fn refuse_one_place(page: Option<&Path>, table: Option<&Path>) -> Res
     )))
 }
 
+/// Prints a text, or writes it to the file of `-o`.
+pub(super) fn print(text: &str, output: Option<&Path>) -> anyhow::Result<()> {
+    match output.filter(|path| *path != Path::new("-")) {
+        Some(path) => write(path, text),
+        None => {
+            let mut out = std::io::stdout().lock();
+            out.write_all(text.as_bytes())?;
+            Ok(out.flush()?)
+        }
+    }
+}
+
+/// Whether the locale is one of UTF-8.
+pub(super) fn is_utf8() -> bool {
+    let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
+    let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set);
+    locale.is_some_and(|l| l.to_uppercase().replace('-', "").contains("UTF8"))
+}
+
 /// Writes a file under a temporary name and renames it when it is whole. What is there already and
 /// is no regular file (a FIFO, a device) is written in place; of a symbolic link, the file that it
 /// leads to is written.

@@ -1,5 +1,6 @@
 //! The command line of `simulate` and the run that it describes.
 
+use super::office::{self, SceneArgs};
 use super::serve_args::{self, IMU_OPTIONS, ImuArgs, ServeArgs};
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
@@ -13,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The first scan of a run that is told no other time: 2026-01-01 00:00:00 UTC.
-const START_NS: i64 = 1_767_225_600_000_000_000;
+pub(super) const START_NS: i64 = 1_767_225_600_000_000_000;
 
 const EXAMPLES: &str = "\
 EFFECTS
@@ -55,6 +56,8 @@ EXAMPLES
   Into the chain, with the IMU as a side stream:
     mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
       | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  An office and its true lines, for extract-lines and report lines:
+    simulate --scene office --view lms500 --n-scans 20 --truth true.csv > office.csv
   The scanner itself for one second, at a port that is free:
     simulate -f frame.toml --n-scans 35 --serve 127.0.0.1:0
   As a live source, one second of it:
@@ -74,7 +77,7 @@ EXAMPLES
 )]
 pub struct Args {
     /// Frame file: the box, its reflectors and the mountings
-    #[arg(short, long, value_name = "FILE", required_unless_present = "replay")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["replay", "scene"])]
     frame: Option<PathBuf>,
     /// What is simulated: none, all, reference, or a list (see EFFECTS)
     #[arg(
@@ -109,7 +112,8 @@ pub struct Args {
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
-    /// Write the true trajectory at the scans' reference instants (CSV, or MCAP by .mcap)
+    /// Write the true trajectory at the scans' reference instants, or a scene's true lines (CSV, or
+    /// MCAP by .mcap)
     #[arg(long, value_name = "FILE")]
     pub(super) truth: Option<PathBuf>,
     /// Write the desired trajectory at the same instants
@@ -128,6 +132,8 @@ pub struct Args {
     #[arg(long, conflicts_with = "serving")]
     pub(super) real_time: bool,
     #[command(flatten)]
+    pub(super) scene: SceneArgs,
+    #[command(flatten)]
     pub(super) serve: ServeArgs,
     #[command(flatten)]
     pub(super) unit: ImuArgs,
@@ -142,15 +148,31 @@ impl Args {
         let frame = frame.ok_or_else(|| Fault::Usage("-f FILE is missing".into()))?;
         FrameArg { frame }.read()
     }
+
+    pub(super) fn sizes(&self) -> &SizeArgs {
+        &self.sizes
+    }
+
+    pub(super) fn n_scans(&self) -> Option<u64> {
+        self.n_scans
+    }
+
+    pub(super) fn start_ns(&self) -> Option<i64> {
+        self.start_ns
+    }
+
+    pub(super) fn scans_per_pose(&self) -> u64 {
+        self.course.scans_per_pose
+    }
 }
 
 /// The most wanted of the effects' sizes.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Sizes of effects (all of them: --effects-file)")]
-struct SizeArgs {
+pub(super) struct SizeArgs {
     /// noise: standard deviation of a range
     #[arg(long, value_name = "MM")]
-    sigma_mm: Option<f64>,
+    pub(super) sigma_mm: Option<f64>,
     /// bias: largest error common to a scan
     #[arg(long, value_name = "MM")]
     bias_mm: Option<f64>,
@@ -162,10 +184,10 @@ struct SizeArgs {
     remission_noise: Option<f64>,
     /// outliers: share of the beams
     #[arg(long, value_name = "SHARE")]
-    outlier_share: Option<f64>,
+    pub(super) outlier_share: Option<f64>,
     /// dropouts: share of the beams
     #[arg(long, value_name = "SHARE")]
-    dropout_share: Option<f64>,
+    pub(super) dropout_share: Option<f64>,
 }
 
 /// Where the platform goes.
@@ -277,6 +299,9 @@ const SIMULATION_OPTIONS: [&str; 18] = [
 
 /// Refuses an option that was written but belongs to another trajectory, or to none.
 pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<(), Fault> {
+    if args.scene.scene.is_some() {
+        return office::refuse_foreign(written);
+    }
     let cola = args.common.format == Some(Format::Cola);
     let unit = args.unit.imu_pty.is_some();
     serve_args::refuse_foreign(&args.serve, written, cola, unit)?;

@@ -1,19 +1,17 @@
-//! report: error statistics of poses against a true or desired trajectory.
+//! `report`: poses against a true or desired trajectory.
 
-mod inputs;
-mod outputs;
-
-use super::common::{CommonArgs, parse_duration};
+use super::{inputs, outputs};
 use crate::report::{
     Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
     origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
-use std::io::{IsTerminal, Write};
+use crate::tool::common::{CommonArgs, parse_duration};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-const EXAMPLES: &str = "\
+pub(super) const EXAMPLES: &str = "\
 EXAMPLES
   A simulated run, to the table:
     simulate -f frame.toml --truth truth.csv | extract-lines -f frame.toml | tee lines.csv \\
@@ -41,19 +39,9 @@ EXIT STATUS
   0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
   condition holds, or its statistic has no value; 65 bad data; 66 no such input; 74 I/O error";
 
-/// Error statistics of poses against a true or desired trajectory
-#[derive(Clone, Debug, clap::Parser)]
-#[command(
-    name = "report",
-    version,
-    about,
-    long_about = "Compares poses with a true or desired trajectory: error statistics per component, over \
-                  time and over the workspace, whether the covariances are honest, what became of every \
-                  scan; one run, or several side by side. Prints a table, or JSON, and makes a page.",
-    after_long_help = EXAMPLES,
-    mut_arg("format", |arg| arg.hide(true))
-)]
-pub struct Args {
+/// Poses, what they are compared with and how.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PoseArgs {
     /// Poses: a file, a FIFO or - for stdin (the default), with a name for the run in front if wanted;
     /// a file name with = in it is given as ./NAME
     #[arg(value_name = "[NAME=]POSES")]
@@ -114,37 +102,27 @@ fn parse_association(text: &str) -> Result<Association, String> {
     }
 }
 
-/// Runs the tool.
-///
-/// # Errors
-/// As every tool's: what cannot be read or written, or makes no sense.
-pub fn run(args: Args) -> anyhow::Result<Outcome> {
+/// Runs the tool without a subcommand.
+pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
     let table = args.common.output.as_deref();
     let table = table.filter(|path| *path != Path::new("-"));
     outputs::refuse_one_place(args.html.as_deref(), table)?;
-    let report = make(&args, &options)?;
+    let report = make(args, &options)?;
     if let Some(path) = &args.html {
         outputs::write(path, &page::write(&report))?;
     }
     let text = if args.json {
         json::write(&report)?
     } else {
-        terminal::write(&report, style(&args))
+        terminal::write(&report, style(args))
     };
-    match table {
-        Some(path) => outputs::write(path, &text)?,
-        None => {
-            let mut out = std::io::stdout().lock();
-            out.write_all(text.as_bytes())?;
-            out.flush()?;
-        }
-    }
+    outputs::print(&text, table)?;
     Ok(outcome(&report))
 }
 
 /// Reads everything and sums it up.
-fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
+fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
     let inertial = args
         .imu
         .as_deref()
@@ -214,7 +192,7 @@ fn make(args: &Args, options: &Options) -> anyhow::Result<Report> {
 }
 
 /// The report of an IMU at rest, without poses.
-fn imu_alone(args: &Args, inertial: Option<Inertial>) -> anyhow::Result<Report> {
+fn imu_alone(args: &PoseArgs, inertial: Option<Inertial>) -> anyhow::Result<Report> {
     if let Some(gate) = args.fail_if.first() {
         let why = format!(
             "--fail-if '{}' is about poses, and there are none",
@@ -244,14 +222,12 @@ fn date() -> Option<String> {
     origin::date(&seconds)
 }
 
-fn style(args: &Args) -> terminal::Style {
+fn style(args: &PoseArgs) -> terminal::Style {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
-    let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set);
-    let utf8 = locale.is_some_and(|l| l.to_uppercase().replace('-', "").contains("UTF8"));
     let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
     terminal::Style {
         bold: terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb"),
-        ascii: args.ascii || !utf8,
+        ascii: args.ascii || !outputs::is_utf8(),
         all_cells: args.cells,
     }
 }

@@ -1,0 +1,174 @@
+//! The frame's three lines by the modified Hough transform, alone or as part of the dissertation's
+//! strategy: the options and the stage. The window's options serve any scene too.
+
+use super::positive;
+use crate::edges::EdgeMeter;
+use crate::frame::Frame;
+use crate::lines::dissertation::{Strategy, StrategyOptions};
+use crate::lines::fit::Estimator;
+use crate::lines::hough::WindowSize;
+use crate::record::{NormalLine, ReflectorLines, Scan};
+use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use std::path::{Path, PathBuf};
+
+/// Settings of the windows.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Windows of modified-hough and dissertation")]
+pub(super) struct WindowArgs {
+    /// Where the lines are before the first scan: its first record (lines with a frame, else the
+    /// segments of one scan) [default: looked for everywhere]
+    #[arg(long, value_name = "FILE")]
+    pub(super) predict: Option<PathBuf>,
+    /// Largest speed of the platform: half the window is speed times cycle times 2 [default: 3]
+    #[arg(long, value_name = "M_S", value_parser = positive)]
+    window_speed_m_s: Option<f64>,
+    /// Largest rate of turn in the scan plane [default: 20]
+    #[arg(long, value_name = "DEG_S", value_parser = positive)]
+    window_turn_deg_s: Option<f64>,
+    /// Height of the transform's cells [default: 10]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    cell_mm: Option<f64>,
+    /// Width of the transform's cells [default: 0.1]
+    #[arg(long, value_name = "DEG", value_parser = positive)]
+    cell_deg: Option<f64>,
+}
+
+impl WindowArgs {
+    /// The first option that is given.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let options = [
+            (self.predict.is_some(), "--predict"),
+            (self.window_speed_m_s.is_some(), "--window-speed-m-s"),
+            (self.window_turn_deg_s.is_some(), "--window-turn-deg-s"),
+            (self.cell_mm.is_some(), "--cell-mm"),
+            (self.cell_deg.is_some(), "--cell-deg"),
+        ];
+        options
+            .iter()
+            .find(|(given, _)| *given)
+            .map(|(_, name)| *name)
+    }
+
+    pub(super) fn size(&self) -> WindowSize {
+        let default = WindowSize::default();
+        let radians = |given: Option<f64>, default: f64| given.map_or(default, f64::to_radians);
+        WindowSize {
+            speed_m_s: self.window_speed_m_s.unwrap_or(default.speed_m_s),
+            turn_rad_s: radians(self.window_turn_deg_s, default.turn_rad_s),
+            row_m: self.cell_mm.map_or(default.row_m, |mm| mm / 1000.0),
+            column_rad: radians(self.cell_deg, default.column_rad),
+            ..default
+        }
+    }
+}
+
+/// Reads scans and writes the three lines and the strip edges of each: the dissertation's, or by
+/// the transform and the fits and edges of the other methods.
+pub(super) fn run(
+    frame: Option<Frame>,
+    dissertation: bool,
+    windows: &WindowArgs,
+    input: Option<&Path>,
+    options: &Options,
+) -> anyhow::Result<Outcome> {
+    let Some(frame) = frame else {
+        let text = "--method dissertation needs the frame: -f FILE";
+        return Err(Fault::Usage(text.to_owned()).into());
+    };
+    let settings = StrategyOptions {
+        window: windows.size(),
+        ..StrategyOptions::default()
+    };
+    let settings = if dissertation {
+        settings
+    } else {
+        StrategyOptions {
+            estimator: Estimator::MaximumLikelihood,
+            ..settings
+        }
+    };
+    let mut strategy = Strategy::new(&frame, settings);
+    if let Some(path) = &windows.predict {
+        strategy.predict(predicted(path, options)?);
+    }
+    let mut stage = ThreeLines {
+        strategy,
+        edges: (!dissertation).then(|| EdgeMeter::new(&frame)),
+        lines: ReflectorLines::default(),
+        without: 0,
+        scans: 0,
+    };
+    stream::filter(options, input, &mut stage)
+}
+
+/// The first lines record with all three lines.
+fn predicted(path: &Path, options: &Options) -> anyhow::Result<[NormalLine; 3]> {
+    let records: Vec<ReflectorLines> = read_all(Some(path), &side(options))?;
+    let seen = records
+        .iter()
+        .find(|r| r.lines().iter().all(|line| line.is_seen()));
+    let first = seen.map(|r| r.lines().map(|line| line.normal));
+    first.ok_or_else(|| {
+        let name = path.display();
+        Fault::BadData(format!(
+            "{name}: no record with all three lines to start from"
+        ))
+        .into()
+    })
+}
+
+/// Options for reading a file beside the scans: all of it.
+pub(super) fn side(options: &Options) -> Options {
+    Options {
+        window: Default::default(),
+        input_format: None,
+        ..options.clone()
+    }
+}
+
+/// Scans in, three lines and the strip edges of each out.
+struct ThreeLines {
+    strategy: Strategy,
+    /// Measures the edges; none where the strategy does it itself.
+    edges: Option<EdgeMeter>,
+    lines: ReflectorLines,
+    scans: u64,
+    without: u64,
+}
+
+impl Stage for ThreeLines {
+    type In = Scan;
+    type Out = ReflectorLines;
+
+    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
+        self.scans += 1;
+        self.lines.begin(scan);
+        if self.strategy.find_lines(scan, &mut self.lines) {
+            match &mut self.edges {
+                Some(edges) => edges.measure(scan, &mut self.lines),
+                None => {
+                    self.strategy.find_strips(&mut self.lines);
+                    self.strategy.date_edges(scan, &mut self.lines);
+                }
+            }
+        } else {
+            self.without += 1;
+        }
+        emit.write(&self.lines)
+    }
+
+    fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+        if self.without > 0 {
+            eprintln!(
+                "extract-lines: no reflectors in {} of {} scans",
+                self.without, self.scans
+            );
+        }
+        let nothing = self.without == self.scans && self.scans > 0;
+        Ok(if nothing {
+            Outcome::Degraded
+        } else {
+            Outcome::Done
+        })
+    }
+}
