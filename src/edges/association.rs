@@ -23,6 +23,9 @@ const CANDIDATES: usize = 6;
 const VOTE_M: f64 = 0.09;
 /// Tolerances of the association as the estimate improves, m.
 const TOLERANCES_M: [f64; 4] = [0.12, 0.06, 0.03, 0.02];
+/// The pose lies on the lines when a step moves no edge by more; edges are about so far away, m.
+const ON_LINES_M: f64 = 2e-4;
+const REACH_M: f64 = 5.0;
 /// What an edge that is met exactly is worth: three sigma squared.
 const WORTH: f64 = 9.0;
 /// The scan before needs no second opinion if this share of all edges is explained, and of so many
@@ -49,6 +52,8 @@ pub(super) struct Association {
     spot: Spot,
     /// Whether strips on the sides make pitch observable.
     with_pitch: bool,
+    /// y, z and roll of the pose that was looked at last.
+    on_lines: [f64; 3],
     /// x, yaw, pitch of the scan before.
     last: Option<[f64; 3]>,
     middles: Vec<Middle>,
@@ -79,6 +84,7 @@ impl Association {
             boundaries: boundaries.collect(),
             spot: Spot::new(frame),
             with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
+            on_lines: [0.0, frame.bounds.dz_m / 2.0, 0.0],
             last: None,
             middles: Vec::new(),
             taken: Vec::new(),
@@ -100,11 +106,16 @@ impl Association {
         let start = self.last.take();
         let mut at = start.unwrap_or_default();
         let mut best = f64::NEG_INFINITY;
-        if start.is_some() {
-            best = self.refine(frame, lines, edges, &mut at, 1);
-        }
         // Enough edges that fit leave no room for another explanation; a few do.
-        if best < SURE * WORTH * edges.len().max(SURE_EDGES) as f64 {
+        let sure = SURE * WORTH * edges.len().max(SURE_EDGES) as f64;
+        if start.is_some() {
+            best = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            // Poses that jump need more than one step to have all edges in reach.
+            if best < sure || self.taken.iter().flatten().count() < edges.len() {
+                best = self.refine(frame, lines, edges, &mut at, 1);
+            }
+        }
+        if best < sure {
             // Several peaks of the vote may look alike; the one that explains the edges best counts.
             for candidate in self.vote(frame, lines, edges) {
                 let mut refined = candidate;
@@ -117,7 +128,7 @@ impl Association {
         }
         let matched = self.taken.iter().flatten().count();
         self.last = (matched >= 3).then_some(at);
-        let pose = pose_on_lines(frame, lines, at);
+        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
         for Found { edge, .. } in edges.iter_mut() {
             let slope = usize::try_from(edge.strip)
                 .ok()
@@ -262,7 +273,7 @@ impl Association {
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.
     fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
-        let pose = pose_on_lines(frame, lines, at);
+        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
         self.middles.clear();
         self.middles.extend(edges.iter().map(|Found { edge, .. }| {
             let v = v_axis(edge.face);
@@ -324,13 +335,19 @@ fn boundaries(strip: usize, s: &Strip) -> [Boundary; 2] {
 }
 
 /// The platform's pose with y, z and roll such that its lines are the measured ones, for given x,
-/// yaw and pitch.
-fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3]) -> ScannerPose {
-    let (mut y, mut z, mut roll) = (0.0, frame.bounds.dz_m / 2.0, 0.0);
-    for _ in 0..3 {
+/// yaw and pitch. `start` is y, z and roll to start from and becomes those of the result.
+fn pose_on_lines(
+    frame: &Frame,
+    lines: &ReflectorLines,
+    [x, yaw, pitch]: [f64; 3],
+    start: &mut [f64; 3],
+) -> ScannerPose {
+    let [mut y, mut z, mut roll] = *start;
+    for _ in 0..4 {
         let pose = ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw]);
         let faces = [Face::Right, Face::Upper, Face::Left];
         let (mut sum_y, mut walls, mut sum_roll, mut weight) = (0.0, 0.0, 0.0, 0.0);
+        let mut moved = 0.0f64;
         for (line, face) in lines.lines().into_iter().zip(faces) {
             if !line.is_seen() {
                 continue;
@@ -338,7 +355,7 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
             let predicted = pose.line(face);
             let d_m = line.normal.d_m - predicted.normal.d_m;
             match face {
-                Face::Upper => z -= d_m,
+                Face::Upper => (z, moved) = (z - d_m, d_m.abs()),
                 Face::Right => (sum_y, walls) = (sum_y - d_m, walls + 1.0),
                 Face::Left => (sum_y, walls) = (sum_y + d_m, walls + 1.0),
             }
@@ -348,11 +365,17 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
         }
         if walls > 0.0 {
             y += sum_y / walls;
+            moved = moved.max((sum_y / walls).abs());
         }
         if weight > 0.0 {
             roll += sum_roll / weight;
+            moved = moved.max(REACH_M * (sum_roll / weight).abs());
+        }
+        if moved < ON_LINES_M {
+            break;
         }
     }
+    *start = [y, z, roll];
     ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw])
 }
 

@@ -21,6 +21,8 @@ const SHORT_MIN_M: f64 = 0.030;
 const SUPPORT_BEAMS: usize = 4;
 const SUPPORT_SHARE: f64 = 0.15;
 
+/// A beam goes into a corner behind if another surface is as near to this share.
+const CORNER: f64 = 0.99;
 /// Mixed pixels lie no further than this from the sure beams around them, beams.
 const MIXED_NEAR: usize = 2;
 
@@ -53,7 +55,8 @@ pub(super) struct Beam {
     pub excess_m: f64,
     /// How far behind the line the next surface is, m.
     pub depth_m: f64,
-    /// Cosine of incidence on the face, and on the surface behind.
+    /// Cosine of incidence on the face, and on the surface behind; NaN near a corner behind, where
+    /// it may be either of two.
     pub cos_incidence: [f64; 2],
 }
 
@@ -118,16 +121,19 @@ pub(super) fn classify(
         let along = planes.map(|(y, z, _)| cos * y + sin * z);
         let nearest = |inverse: &[f64; 3]| {
             let reach = [0, 1, 2].map(|j| along[j] * inverse[j]);
-            let k = if reach[0] >= reach[1] { 0 } else { 1 };
-            let k = if reach[2] > reach[k] { 2 } else { k };
-            (k, reach[k])
+            let (k, other) = if reach[0] >= reach[1] { (0, 1) } else { (1, 0) };
+            if reach[2] > reach[k] {
+                (2, reach[2], reach[k])
+            } else {
+                (k, reach[k], reach[2].max(reach[other]))
+            }
         };
-        let (k, own) = nearest(&inverse_m);
+        let (k, own, _) = nearest(&inverse_m);
         if !wanted[k] || !(own > 0.0) {
             beams.push(Beam::NOTHING);
             continue;
         }
-        let (k_behind, behind) = nearest(&inverse_behind_m);
+        let (k_behind, behind, behind_too) = nearest(&inverse_behind_m);
         let face_m = 1.0 / own;
         let excess_m = (range_m - bias_m) * scale - face_m;
         let depth_m = 1.0 / behind - face_m;
@@ -152,9 +158,23 @@ pub(super) fn classify(
             face_m,
             excess_m,
             depth_m,
-            cos_incidence: [along[k], along[k_behind]],
+            cos_incidence: [
+                along[k],
+                if behind_too > CORNER * behind {
+                    f64::NAN
+                } else {
+                    along[k_behind]
+                },
+            ],
         });
     }
+    // The rest is about faces with strips.
+    let first = beams.iter().position(|b| b.face != NO_FACE);
+    let last = beams.iter().rposition(|b| b.face != NO_FACE);
+    let (Some(first), Some(last)) = (first, last) else {
+        return;
+    };
+    let beams = &mut beams[first..=last];
     drop_unsupported(beams, gap_m.is_some());
     drop_contradictions(beams);
     if gap_m.is_some() {
@@ -177,6 +197,11 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
         else {
             continue;
         };
+        // Amid its like.
+        let around = &beams[i.saturating_sub(2)..n.min(i + 3)];
+        if around.iter().all(|b| b.state == State::Gap) {
+            continue;
+        }
         let tolerance_m = (SHORT_SIGMA * sigma_m[usize::from(face)]).max(SHORT_MIN_M);
         for inward in [1isize, -1] {
             let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
@@ -245,6 +270,10 @@ fn drop_contradictions(beams: &mut [Beam]) {
                 continue;
             }
         };
+        if back1 == here {
+            (back2, back1) = (back1, here);
+            continue;
+        }
         let ahead = |k: usize| beams.get(i + k).map_or(nobody, |b| (b.state, b.face));
         let around = [back2, back1, ahead(1), ahead(2)];
         let against = around.iter().filter(|b| **b == (other, here.1)).count();

@@ -11,11 +11,11 @@ use crate::frame::{Frame, ScannerPose};
 use crate::record::{BeamTable, Edge, EdgeBasis, EdgeKind, ReflectorLines, Scan};
 
 /// Beams beyond the spot's reach on either side of an edge: on the background, on the strip.
-const OUTSIDE: usize = 6;
-const INSIDE: usize = 8;
+const OUTSIDE: usize = 5;
+const INSIDE: usize = 6;
 /// Range to which remissions are referred, m, and the power of the range law (spec: (3 m/r)^0.5).
 const REFERENCE_M: f64 = 3.0;
-/// Strip and background are met alike if the logarithms of the cosines differ by less.
+/// Strip and background are met alike if the cosines of incidence differ by less than this share.
 const SAME_INCIDENCE: f64 = 0.03;
 /// Where they are not, a mixed pixel this near to half-way may have the incidence of either.
 const DOUBTFUL: f64 = 0.2;
@@ -157,8 +157,6 @@ impl Photometer {
                         }),
                         exponent,
                         noise,
-                        debug: std::env::var("EDGE_DEBUG")
-                            .is_ok_and(|v| v == view.lines.stamp.ns().to_string()),
                     };
                     match photometry::fit(&self.samples, &start) {
                         Some(fit) if self.stands_out(&fit) => {
@@ -314,12 +312,13 @@ impl Measured {
             };
             return match beam.state {
                 State::Hit => Some(single(Light::Strip, on_face)),
+                State::Gap if on_behind.is_nan() => None,
                 State::Gap => Some(single(Light::Behind, on_behind)),
                 State::Both => {
                     let second = f64::from(echoes.remissions[i]);
                     let behind_m = beam.excess_m + echoes.second_m[i] - echoes.first_m[i];
                     let far_enough = behind_m > 0.5 * beam.depth_m;
-                    (second > 0.0 && far_enough).then(|| Measured {
+                    (second > 0.0 && far_enough && !on_behind.is_nan()).then(|| Measured {
                         light: Light::Ratio,
                         value: (value / corrected(second, behind_m)).ln(),
                         rounding: Sample::rounding(1.0, digits)
@@ -332,8 +331,10 @@ impl Measured {
             };
         }
         let towards = beam.excess_m / beam.depth_m;
-        let differ = (on_behind / on_face).ln().abs() > SAME_INCIDENCE;
-        if beam.state == State::Mixed && differ && (towards - 0.5).abs() < DOUBTFUL {
+        // Where two surfaces behind are as near, nobody knows which: then they differ.
+        let differ = !((on_behind / on_face - 1.0).abs() < SAME_INCIDENCE);
+        let doubtful = (towards - 0.5).abs() < DOUBTFUL || on_behind.is_nan();
+        if beam.state == State::Mixed && differ && doubtful {
             return None;
         }
         let surface = if beam.state == State::Hit || towards < 0.5 {
@@ -342,7 +343,7 @@ impl Measured {
             on_behind
         };
         let value = corrected(digits, beam.excess_m);
-        value.is_finite().then(|| Measured {
+        (value + surface).is_finite().then(|| Measured {
             light: Light::Whole,
             value,
             rounding: Sample::rounding(value, digits),
