@@ -4,7 +4,7 @@
 mod peer;
 mod shell;
 
-use shell::{NOT_BUILT, TOOLS, scratch, sh, testdata};
+use shell::{TOOLS, scratch, sh, testdata};
 use std::path::PathBuf;
 
 /// The commands under EXAMPLES in a tool's `--help`: lines indented by four, joined where one ends
@@ -106,6 +106,11 @@ fn the_examples_of_compensate_delay_run() {
 }
 
 #[test]
+fn the_examples_of_ads_push_run() {
+    run_examples("ads-push");
+}
+
+#[test]
 fn the_examples_of_report_run() {
     run_examples("report");
 }
@@ -175,7 +180,7 @@ fn a_version_names_the_program() {
 #[test]
 fn a_wrong_command_line_ends_with_status_2() {
     let dir = scratch("help-usage");
-    for tool in TOOLS.iter().filter(|tool| !NOT_BUILT.contains(tool)) {
+    for tool in TOOLS {
         let ended = sh(&dir, &format!("{tool} --no-such-option")).expect(2);
         assert!(ended.stdout.is_empty());
         assert!(
@@ -183,23 +188,6 @@ fn a_wrong_command_line_ends_with_status_2() {
             "{}",
             ended.stderr
         );
-    }
-}
-
-#[test]
-fn a_tool_that_is_not_built_says_so_and_ends_with_status_69() {
-    let dir = scratch("help-not-built");
-    for tool in NOT_BUILT {
-        for arguments in ["", "/dev/ttyUSB0 --baud 115200", "--anything"] {
-            let ended = sh(&dir, &format!("{tool} {arguments}")).expect(69);
-            assert!(ended.stdout.is_empty());
-            let start = format!("{tool}: not built yet. It will ");
-            assert!(ended.stderr.starts_with(&start), "{}", ended.stderr);
-        }
-        let help = sh(&dir, &format!("{tool} --help")).expect(0);
-        assert!(help.text().starts_with("This tool is not built yet"));
-        let short = sh(&dir, &format!("{tool} -h")).expect(0);
-        assert!(short.text().contains("(not built yet)"));
     }
 }
 

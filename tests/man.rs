@@ -203,7 +203,12 @@ fn pages() -> Vec<Page> {
             FILTER,
             &["solve-pose", "timesync", "simulate", "ads-push"],
         ),
-        Page::of::<tool::ads_push::Args>(&[2, 69], &["compensate-delay", "report"]),
+        Page::of::<tool::ads_push::Args>(
+            &[0, 2, 3, 65, 66, 69, 74, 78],
+            &["compensate-delay", "report"],
+        ),
+        Page::of_subcommand::<tool::ads_push::Args>("check", &[0, 2, 69, 74, 78]),
+        Page::of_subcommand::<tool::ads_push::Args>("list", &[0, 2, 69, 74]),
         Page::of::<tool::report::Args>(&[0, 2, 3, 4, 65, 66, 74], &["solve-pose", "simulate"]),
     ]
 }

@@ -35,6 +35,8 @@ pub struct Pose {
     pub range_bias_m: f64,
     /// What a consumer must know.
     pub status: Status,
+    /// When the robot's controller acknowledged the pose, on the host's clock; where that was noted.
+    pub pushed: Option<Stamp>,
 }
 
 impl Default for Pose {
@@ -50,6 +52,7 @@ impl Default for Pose {
             votes: None,
             range_bias_m: f64::NAN,
             status: Status::OK,
+            pushed: None,
         }
     }
 }
@@ -118,7 +121,8 @@ impl Record for Pose {
         v.column("edges", Optional, &self.edges)?;
         v.column("votes", Optional, &self.votes)?;
         v.column("range_bias_m", Optional, &self.range_bias_m)?;
-        v.column("status", Optional, &self.status)
+        v.column("status", Optional, &self.status)?;
+        v.column("pushed_ns", Presence::Extra, &self.pushed)
     }
 
     fn visit_mut<V: VisitMut>(&mut self, v: &mut V) -> Result<(), V::Error> {
@@ -137,6 +141,7 @@ impl Record for Pose {
         v.column("edges", Optional, &mut self.edges)?;
         v.column("votes", Optional, &mut self.votes)?;
         v.column("range_bias_m", Optional, &mut self.range_bias_m)?;
-        v.column("status", Optional, &mut self.status)
+        v.column("status", Optional, &mut self.status)?;
+        v.column("pushed_ns", Presence::Extra, &mut self.pushed)
     }
 }

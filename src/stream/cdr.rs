@@ -109,14 +109,15 @@ impl<'a> Tail<'a> {
 }
 
 /// Fills the columns of a record that `keep` chooses from a message. List columns that start with
-/// `parallel` must be equally long.
+/// `parallel` must be equally long. A message of an older version may end before its last
+/// [`Presence::Extra`] columns.
 pub(super) fn decode_columns<R: Record>(
     bytes: &[u8],
     record: &mut R,
     keep: Keep,
     parallel: Option<&'static str>,
 ) -> Result<(), BadField> {
-    struct Decode<'a>(CdrDeserializer<'a, LittleEndian>, Keep, ListLengths);
+    struct Decode<'a>(CdrDeserializer<'a, LittleEndian>, Keep, ListLengths, usize);
     impl VisitMut for Decode<'_> {
         type Error = BadField;
         fn column<T: Value>(
@@ -128,12 +129,18 @@ pub(super) fn decode_columns<R: Record>(
             if !self.1(name) {
                 return Ok(());
             }
+            if presence == Presence::Extra && self.0.bytes_consumed() >= self.3 {
+                *value = T::default();
+                return Ok(());
+            }
             let wire = T::Wire::deserialize(&mut self.0)
                 .map_err(|error| BadField::new(name, error.to_string()))?;
             *value = T::from_wire(wire);
             self.2.see(name, presence, value)
         }
     }
-    let input = CdrDeserializer::new(body(bytes)?);
-    record.visit_mut(&mut Decode(input, keep, ListLengths::new(parallel)))
+    let body = body(bytes)?;
+    let input = CdrDeserializer::new(body);
+    let lengths = ListLengths::new(parallel);
+    record.visit_mut(&mut Decode(input, keep, lengths, body.len()))
 }

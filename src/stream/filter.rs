@@ -42,6 +42,11 @@ impl<O: StreamRecord> Emit<'_, O> {
         self.output.put(record, Role::Desired)
     }
 
+    /// Fixes the columns of a CSV stream before its first record: those in which `like` has a value.
+    pub fn columns_like(&mut self, like: &O) -> anyhow::Result<()> {
+        self.output.fix_columns(like)
+    }
+
     /// Writes further messages for a viewer into an MCAP stream; CSV has no place for them.
     pub fn note(&mut self, notes: &[Note]) -> anyhow::Result<()> {
         self.output.with_mcap(|mcap| mcap.note(notes))

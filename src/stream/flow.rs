@@ -117,6 +117,19 @@ impl Stop {
         Ok(Stop { signal })
     }
 
+    /// SIGTERM alone, for a filter that has a last word to say: the first asks it to end in good
+    /// order, a second one ends it. SIGINT is what it is to any filter.
+    pub fn install_for_filter() -> anyhow::Result<Stop> {
+        drain_on_interrupt()?;
+        let signal = Arc::new(AtomicUsize::new(0));
+        let stopping = Arc::new(AtomicBool::new(false));
+        flag::register_conditional_shutdown(SIGTERM, 128 + SIGTERM, Arc::clone(&stopping))?;
+        flag::register(SIGTERM, stopping)?;
+        let value = usize::try_from(SIGTERM).unwrap_or(0);
+        flag::register_usize(SIGTERM, Arc::clone(&signal), value)?;
+        Ok(Stop { signal })
+    }
+
     /// Whether the source should end.
     pub fn requested(&self) -> bool {
         self.signal.load(Ordering::Relaxed) != 0

@@ -230,6 +230,11 @@ impl Output {
 
     /// Fixes the columns of a CSV stream before its first record: those in which `like` has a value.
     pub fn columns_like<R: StreamRecord>(&mut self, like: &R) -> anyhow::Result<()> {
+        self.fix_columns(like)
+    }
+
+    /// The same for those that share the output.
+    pub(super) fn fix_columns<R: StreamRecord>(&self, like: &R) -> anyhow::Result<()> {
         match &mut self.core.borrow_mut().encoder {
             Encoder::Csv(csv) => csv.columns_like(like).map_err(unhide),
             Encoder::Mcap(_) | Encoder::Text(_) => Ok(()),
@@ -351,7 +356,7 @@ fn unhide(error: anyhow::Error) -> anyhow::Error {
 
 /// Stdout without the line buffer that `std::io::Stdout` puts before it.
 #[cfg(unix)]
-fn stdout_unbuffered() -> impl Write {
+pub(super) fn stdout_unbuffered() -> impl Write + 'static {
     use std::os::fd::AsFd;
     // A duplicate, so that closing it leaves descriptor 1 open.
     match io::stdout().as_fd().try_clone_to_owned() {
@@ -362,7 +367,7 @@ fn stdout_unbuffered() -> impl Write {
 
 /// Stdout; each of our large writes ends with a flush.
 #[cfg(not(unix))]
-fn stdout_unbuffered() -> impl Write {
+pub(super) fn stdout_unbuffered() -> impl Write + 'static {
     io::stdout()
 }
 

@@ -56,6 +56,7 @@ pub(super) fn pose() -> Pose {
         votes: Some(12),
         range_bias_m: -0.011,
         status: Status::STALE_IMU | Status::FEW_EDGES,
+        pushed: Some(START + 45_000_000),
     }
 }
 
@@ -308,6 +309,7 @@ prop_compose! {
             votes: stamps.4,
             range_bias_m,
             status: Status::OK,
+            pushed: None,
         };
         match missing {
             0..3 => {

@@ -125,6 +125,25 @@ impl Image {
         cells.map(|cell| &cell.field)
     }
 
+    /// Goes on where an older image of the same fields left off: its numbers are held on.
+    pub fn follow(&mut self, older: &Image) {
+        let cells = |image: &Image| {
+            image
+                .parts
+                .iter()
+                .map(|part| part.cells.len())
+                .sum::<usize>()
+        };
+        if cells(self) == cells(older) {
+            let held = older.parts.iter().flat_map(|part| &part.cells);
+            let new = self.parts.iter_mut().flat_map(|part| &mut part.cells);
+            for (new, old) in new.zip(held) {
+                new.held = old.held;
+            }
+        }
+        self.clipped = older.clipped;
+    }
+
     /// How many numbers did not fit into their types.
     pub fn clipped(&self) -> u64 {
         self.clipped

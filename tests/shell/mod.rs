@@ -20,9 +20,6 @@ pub const TOOLS: [&str; 9] = [
     "report",
 ];
 
-/// Those that are not built yet.
-pub const NOT_BUILT: [&str; 1] = ["ads-push"];
-
 /// How a command line ended.
 #[derive(Debug)]
 pub struct Ended {

@@ -285,9 +285,8 @@ impl Plc {
                 ] {
                     info.extend_from_slice(&length_u32(number).to_le_bytes());
                 }
-                if group == index::SYMBOL_UPLOAD_INFO {
-                    info.truncate(8);
-                }
+                // Older clients ask for the first numbers only.
+                info.truncate(length as usize);
                 exactly(info)
             }
             _ => {
