@@ -305,16 +305,16 @@ pub(super) struct Transition {
 /// Reports a transition wherever the last sure state changes on a face.
 pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
     let mut last: Option<(usize, State)> = None;
-    let mut mixed = false;
+    let mut mixed: Option<(usize, usize)> = None;
     let mut face = NO_FACE;
     for (i, beam) in beams.iter().enumerate() {
         if beam.face != face {
-            (last, mixed, face) = (None, false, beam.face);
+            (last, mixed, face) = (None, None, beam.face);
         }
         match beam.state {
             State::Hit | State::Gap => {}
             State::Mixed | State::Both => {
-                mixed = true;
+                mixed = Some((mixed.map_or(i, |(first, _)| first), i));
                 continue;
             }
             State::Unknown => continue,
@@ -324,8 +324,9 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
         {
             // A mixed pixel tells of the edge only in an unbroken run of beams: among beams that
             // something hides it may be anything.
-            let mixed = mixed
-                .filter(|(first, last)| first - before <= MIXED_NEAR && i - last <= MIXED_NEAR);
+            let mixed = mixed.is_some_and(|(first, last)| {
+                first - before <= MIXED_NEAR && i - last <= MIXED_NEAR
+            });
             report(Transition {
                 beams: (before, i),
                 onto_strip: beam.state == State::Hit,
@@ -334,7 +335,7 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
             });
         }
         last = Some((i, beam.state));
-        mixed = false;
+        mixed = None;
     }
 }
 

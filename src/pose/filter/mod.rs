@@ -251,6 +251,7 @@ impl Tracker {
                     low: factor.low,
                     high: factor.high,
                     softness: factor.softness,
+                    doubt: factor.doubt,
                 };
                 Some(EdgeBox::new(name, [edge.from_rad, edge.to_rad], wide))
             })

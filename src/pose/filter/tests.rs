@@ -108,6 +108,7 @@ fn x_box(low: f64, high: f64) -> EdgeBox {
         low,
         high,
         softness: 2e-4,
+        doubt: 0.0,
     };
     EdgeBox::new(name, [1.0 + low, 1.0 + high], factor)
 }
