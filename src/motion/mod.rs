@@ -1,5 +1,6 @@
 //! Trajectories of the platform: profiles of speed along a path, paths in the robot frame, and
-//! motion interpolated from recorded points; prediction: poses carried to the time they are used.
+//! motion interpolated from recorded points; prediction: poses carried to the time they are used;
+//! deskew: the motion within a scan.
 //!
 //! A [`Motion`] says for every instant where the platform is, which way it is turned and how both
 //! change. Times are seconds after the motion's start; before it and after its end the platform
@@ -8,6 +9,7 @@
 
 mod axis;
 mod carry;
+mod deskew;
 mod guide;
 mod inertia;
 mod liveliness;
@@ -18,6 +20,7 @@ mod tracker;
 mod turn;
 
 pub use carry::{Carrier, CarryMethod, CarryOptions};
+pub use deskew::{AT_REST, Deskewed, KnownMotion, LineFit, Relation, SelfMotion, guided};
 pub use guide::Guide;
 pub use inertia::Inertia;
 pub use liveliness::{Gait, Liveliness};

@@ -140,6 +140,24 @@ fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) 
     (mean + step, within.clamp(variance * 1e-9, variance))
 }
 
+/// Mean and variance of a Gaussian restricted to an interval whose bounds are blurred by a Gaussian
+/// of standard deviation `softness`.
+pub(super) fn truncated(
+    mean: f64,
+    variance: f64,
+    [low, high]: [f64; 2],
+    softness: f64,
+) -> (f64, f64) {
+    let factor = BoxFactor::<1> {
+        row: SVector::zeros(),
+        low,
+        high,
+        softness,
+        doubt: 0.0,
+    };
+    box_moments(mean, variance, &factor)
+}
+
 /// A box that holds this share of the Gaussian is not doubted.
 const DOUBTED: f64 = 0.3;
 /// A smaller share of the Gaussian is lost in rounding.

@@ -17,8 +17,11 @@ mod edges;
 mod lines;
 mod state;
 
+pub(super) use edges::Boundary;
 pub use edges::{PointFactor, interval, point};
+pub(super) use lines::WhiteLines;
 pub use state::{BIAS, FOOTPRINT, PITCH, ROLL, STATE, THRESHOLD, Vector, X, Y, YAW, Z};
+pub(super) use state::{hit_share, threshold_mean};
 
 use super::gaussian::Gaussian;
 use super::interval::{BoxFactor, Site, propagate};
@@ -26,7 +29,7 @@ use super::pitch::{self, Pitch};
 use crate::frame::{Frame, ScannerPose};
 use crate::record::{Face, Pose, ReflectorLines, Status, upper_index};
 use edges::decorrelate;
-use lines::{WhiteLines, seen_status, start};
+use lines::{seen_status, start};
 use state::bounded;
 
 /// Prior widths and limits of the joint estimator.

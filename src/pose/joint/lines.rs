@@ -13,15 +13,15 @@ const HELD_BIAS_M: f64 = 1e-6;
 
 /// The seven line parameters of a scan, whitened: independent measurements of unit variance.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WhiteLines {
+pub(in crate::pose) struct WhiteLines {
     /// Inverse of the covariance's Cholesky factor.
-    whitener: SMatrix<f64, 7, 7>,
-    known: [bool; 7],
+    pub(in crate::pose) whitener: SMatrix<f64, 7, 7>,
+    pub(in crate::pose) known: [bool; 7],
 }
 
 impl WhiteLines {
     /// None where the covariance is none.
-    pub(super) fn new(lines: &ReflectorLines) -> Option<WhiteLines> {
+    pub(in crate::pose) fn new(lines: &ReflectorLines) -> Option<WhiteLines> {
         let joint = lines.joint_cov.len() == 28;
         let mut known = [false, false, false, false, false, false, true];
         let mut covariance = SMatrix::<f64, 7, 7>::identity();
@@ -54,7 +54,7 @@ impl WhiteLines {
     }
 
     /// Rows and residuals (measured less predicted) at a state, of unit variance.
-    fn equations(
+    pub(in crate::pose) fn equations(
         &self,
         lines: &ReflectorLines,
         pose: &ScannerPose,

@@ -68,11 +68,11 @@ impl ManyScans {
 #[command(next_help_heading = "Many scans")]
 pub(super) struct FilterArgs {
     /// Filter the poses over the scans so far; each comes out with its scan
-    #[arg(long, group = "many", conflicts_with = "align_imu")]
+    #[arg(long, group = "many", conflicts_with_all = ["align_imu", "calibrate"])]
     pub(super) filter: bool,
     /// Smooth the poses over all scans before and after; they come out at the end of the input, and
     /// 12 kB a scan are held until then
-    #[arg(long, group = "many", conflicts_with_all = ["filter", "align_imu"])]
+    #[arg(long, group = "many", conflicts_with_all = ["filter", "align_imu", "calibrate"])]
     pub(super) smooth: bool,
     /// The range bias wanders by this much in a second, in place of another one for each scan
     #[arg(long, value_name = "MM", requires = "many", value_parser = super::arguments::not_negative)]

@@ -3,6 +3,7 @@
 mod align;
 mod arguments;
 mod attitude;
+mod calibrate;
 mod filter;
 
 pub use arguments::{Args, Method};
@@ -15,6 +16,7 @@ use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Fault, Outcome, Stage};
 use align::Align;
 use attitude::AttitudeSource;
+use calibrate::Calibrate;
 use filter::ManyScans;
 
 /// Runs the tool.
@@ -30,6 +32,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     let (frame, text) = args.frame.read()?;
     options.configuration = Some(text.clone());
+    let calibrate = Calibrate::asked(&args, &frame, &text, options.quiet)?;
     let x_constant = args.align.align_x_constant;
     let align = args
         .align
@@ -43,6 +46,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
         align,
+        calibrate,
         solved: 0,
         unsolved: 0,
     };
@@ -56,6 +60,7 @@ struct Solve {
     joint: Estimator,
     attitude: AttitudeSource,
     align: Option<Align>,
+    calibrate: Option<Calibrate>,
     /// The filter or smoother, if one is asked for.
     many: Option<ManyScans>,
     /// Poses that it has ready.
@@ -107,6 +112,9 @@ impl Stage for Solve {
         if let (Some(align), Some(attitude)) = (&mut self.align, attitude.filter(|a| !a.stale)) {
             align.add(&pose, &attitude, &self.frame, solve);
         }
+        if let Some(calibrate) = &mut self.calibrate {
+            calibrate.add(lines, &pose, pitch, attitude.as_ref(), changes_rad);
+        }
         self.ready.push(pose);
         self.give_out(emit)
     }
@@ -139,8 +147,12 @@ impl Stage for Solve {
             Some(align) => align.write(&self.frame)?,
             None => true,
         };
+        let calibrated = match &self.calibrate {
+            Some(calibrate) => calibrate.write(&self.frame)?,
+            None => true,
+        };
         let nothing = self.solved == 0 && self.unsolved > 0;
-        Ok(if nothing || !aligned {
+        Ok(if nothing || !aligned || !calibrated {
             Outcome::Degraded
         } else {
             Outcome::Done
