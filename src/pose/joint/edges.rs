@@ -11,7 +11,10 @@ use crate::record::{Edge, EdgeKind, Face};
 
 /// Blur of an interval's bounds: this much, m, and this share of the spot's radius.
 const SOFT_M: f64 = 0.0002;
-const SOFT_SPOT: f64 = 0.02;
+const SOFT_SPOT: f64 = 0.035;
+/// Probability that an interval is off by a beam: a wild range beside the edge that looks like a
+/// hit, or like the surface behind. A larger one costs more where nothing is wrong.
+const DOUBT: f64 = 0.0003;
 
 /// A linear measurement `row . state = value` with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,19 +87,19 @@ pub fn interval(
     for k in 0..6 {
         row[k] = 0.5 * (boundary.d_g(&from.d_point[k]) + boundary.d_g(&to.d_point[k]));
     }
-    let centre = row.dot(at);
-    // A threshold moves the edge's angle, which moves g by its slope over the angle. g is formed
-    // without it, so that all of the state's threshold counts, not what it changes by.
+    // A threshold moves the edge's angle, which moves g by its slope over the angle.
     let rate = (g_to_m - g_from_m) / (edge.to_rad - edge.from_rad);
     row[THRESHOLD] = -rate * edge.d_threshold;
     if !(g_from_m > g_to_m && row.iter().all(|r| r.is_finite())) {
         return None;
     }
+    let centre = row.dot(at);
     Some(BoxFactor {
         row,
         low: centre - g_from_m,
         high: centre - g_to_m,
         softness: f64::hypot(SOFT_M, SOFT_SPOT * row[THRESHOLD]),
+        doubt: DOUBT,
     })
 }
 
