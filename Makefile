@@ -69,6 +69,11 @@ bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
 	$(CARGO) bench --locked --bench streams --bench lines --bench decode
 
+## lines-table: the dissertation's table of line extractors with ours beside it, and its modified Hough transform against the whole one
+.PHONY: lines-table
+lines-table:
+	@$(CARGO) bench --locked --bench lines_table
+
 ## clock-table: errors of clock fits and trajectory delays on simulated runs, beside the goals (an error where one is missed)
 .PHONY: clock-table
 clock-table:

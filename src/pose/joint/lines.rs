@@ -1,5 +1,6 @@
 //! What the reflector lines say of the state.
 
+use super::edges::PointFactor;
 use super::state::{BIAS, STATE, Vector, YAW};
 use crate::frame::ScannerPose;
 use crate::pose::gaussian::Gaussian;
@@ -101,6 +102,26 @@ impl WhiteLines {
                 state.observe(&row, residual + row.dot(at), 1.0);
             }
         }
+    }
+
+    /// The lines, linearised at a state, as independent measurements.
+    pub(super) fn factors(
+        &self,
+        lines: &ReflectorLines,
+        pose: &ScannerPose,
+        at: &Vector,
+    ) -> impl Iterator<Item = PointFactor> {
+        let (rows, residuals) = self.equations(lines, pose, at);
+        let at = *at;
+        let known = self.known;
+        (0..7).filter(move |k| known[*k]).map(move |k| {
+            let row = rows.row(k).transpose();
+            PointFactor {
+                value: residuals[k] + row.dot(&at),
+                row,
+                variance: 1.0,
+            }
+        })
     }
 
     /// Squared misfit of the lines at a state in the metric of their covariance.

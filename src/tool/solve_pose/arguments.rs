@@ -1,5 +1,6 @@
 //! The command line of solve-pose.
 
+use super::filter::FilterArgs;
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -32,6 +33,8 @@ pub struct Args {
     pub(super) align: AlignArgs,
     #[command(flatten)]
     pub(super) calibrate: CalibrateArgs,
+    #[command(flatten)]
+    pub(super) filter: FilterArgs,
     #[command(flatten)]
     pub(super) common: CommonArgs,
 }
@@ -130,6 +133,10 @@ EXAMPLES
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
+  Each pose from all scans so far, for a platform that moves or stands:
+    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --filter --imu imu.csv > poses.csv
+  A recorded run, each pose from all of its scans:
+    solve-pose -f frame.toml --smooth --imu imu.csv lines.csv -o smooth.csv
   How the IMU sits on the platform, from a run in the plane x = 0:
     solve-pose -f frame.toml --imu imu.csv --align-imu aligned.toml --align-x-constant lines.csv \\
       > poses.csv
@@ -146,7 +153,7 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("a number that is not negative is wanted".to_owned()),

@@ -4,6 +4,7 @@ mod align;
 mod arguments;
 mod attitude;
 mod calibrate;
+mod filter;
 
 pub use arguments::{Args, Method};
 
@@ -16,12 +17,17 @@ use crate::stream::{self, Emit, Fault, Outcome, Stage};
 use align::Align;
 use attitude::AttitudeSource;
 use calibrate::Calibrate;
+use filter::ManyScans;
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut options = args.common.options("solve-pose")?;
     if args.align.align_imu.is_some() && args.method != Method::Joint {
         let why = "--align-imu needs --method joint: the vote has no covariances";
+        return Err(Fault::Usage(why.to_owned()).into());
+    }
+    if (args.filter.filter || args.filter.smooth) && args.method != Method::Joint {
+        let why = "--filter and --smooth need --method joint: the vote has no covariances";
         return Err(Fault::Usage(why.to_owned()).into());
     }
     let (frame, text) = args.frame.read()?;
@@ -34,6 +40,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         .map(|path| Align::new(path, text, x_constant, options.quiet));
     let mut stage = Solve {
         joint: Estimator::new(&frame, joint::Options::default()),
+        many: ManyScans::new(&args.filter, &frame),
+        ready: Vec::new(),
         frame,
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
@@ -53,8 +61,27 @@ struct Solve {
     attitude: AttitudeSource,
     align: Option<Align>,
     calibrate: Option<Calibrate>,
+    /// The filter or smoother, if one is asked for.
+    many: Option<ManyScans>,
+    /// Poses that it has ready.
+    ready: Vec<Pose>,
     solved: u64,
     unsolved: u64,
+}
+
+impl Solve {
+    /// Writes the poses that are ready.
+    fn give_out(&mut self, emit: &mut Emit<'_, Pose>) -> anyhow::Result<()> {
+        for pose in self.ready.drain(..) {
+            if pose.is_solved() {
+                self.solved += 1;
+            } else {
+                self.unsolved += 1;
+            }
+            emit.write(&pose)?;
+        }
+        Ok(())
+    }
 }
 
 impl Stage for Solve {
@@ -65,6 +92,11 @@ impl Stage for Solve {
         let attitude = self.attitude.attitude(lines, &self.frame)?;
         let pitch = self.attitude.pitch(attitude.as_ref());
         let changes_rad = &self.attitude.changes_rad;
+        if let Some(many) = &mut self.many {
+            let ready = &mut self.ready;
+            many.take(lines, pitch, changes_rad, |pose| ready.push(pose));
+            return self.give_out(emit);
+        }
         let joint = &mut self.joint;
         let mut solve = |pitch| joint.solve(lines, pitch, changes_rad);
         let pose = match self.method {
@@ -83,12 +115,8 @@ impl Stage for Solve {
         if let Some(calibrate) = &mut self.calibrate {
             calibrate.add(lines, &pose, pitch, attitude.as_ref(), changes_rad);
         }
-        if pose.is_solved() {
-            self.solved += 1;
-        } else {
-            self.unsolved += 1;
-        }
-        emit.write(&pose)
+        self.ready.push(pose);
+        self.give_out(emit)
     }
 
     fn wants_imu(&self) -> bool {
@@ -99,7 +127,15 @@ impl Stage for Solve {
         self.attitude.push(sample);
     }
 
-    fn finish(&mut self, _emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
+    fn finish(&mut self, emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
+        if let Some(many) = &mut self.many {
+            let ready = &mut self.ready;
+            many.finish(|pose| ready.push(pose));
+            if let Some(remarks) = many.remarks() {
+                eprintln!("solve-pose: {remarks}");
+            }
+        }
+        self.give_out(emit)?;
         if self.unsolved > 0 {
             let all = self.solved + self.unsolved;
             eprintln!(
