@@ -62,24 +62,6 @@ pub fn propagate<const N: usize>(
     }
 }
 
-/// Mean and variance of a Gaussian restricted to an interval whose bounds are blurred by a Gaussian
-/// of standard deviation `softness`.
-pub(super) fn truncated(
-    mean: f64,
-    variance: f64,
-    [low, high]: [f64; 2],
-    softness: f64,
-) -> (f64, f64) {
-    let factor = BoxFactor::<1> {
-        row: SVector::zeros(),
-        low,
-        high,
-        softness,
-        doubt: 0.0,
-    };
-    box_moments(mean, variance, &factor)
-}
-
 /// Brings one box's factor nearer to what it should be against all else that the state knows, by this
 /// share of the way. The state holds the factor `copies` times, for as many boxes that are alike but
 /// independent. Returns by how much that changed the state, in standard deviations.
