@@ -14,7 +14,7 @@ use cablepose::motion::{
     Carrier, CarryMethod, CarryOptions, Inertia, Limits, Motion, Pose as Place, Quintic, SCurve,
     Shuttle,
 };
-use cablepose::pose::joint::{self, Estimator};
+use cablepose::pose::joint;
 use cablepose::pose::pitch::Pitch;
 use cablepose::record::{
     Axes, ImuSample, Pose, ReflectorLines, Stamp, Status, TrajectoryPoint, upper_index,
@@ -122,7 +122,6 @@ fn run(profile: &str, source: Source, seed: u64) -> Run {
     });
     let mut fit = ReflectorFit::new(&frame, reflectors::Options::default());
     let mut edges = EdgeMeter::new(&frame);
-    let mut solver = Estimator::new(&frame, joint::Options::default());
     let mut lines = ReflectorLines::default();
     let (mut poses, mut imu) = (Vec::new(), Vec::new());
     while let Some(step) = simulator.advance() {
@@ -141,7 +140,12 @@ fn run(profile: &str, source: Source, seed: u64) -> Run {
             sigma_rad: 1e-4,
             stale: false,
         };
-        poses.push(solver.solve(&lines, Some(pitch), &[]));
+        poses.push(joint::solve(
+            &lines,
+            &frame,
+            Some(pitch),
+            &joint::Options::default(),
+        ));
     }
     // The controller's trajectory every 10 ms, to a second beyond the last pose.
     let points = (truth.duration_s() / 0.01) as i64 + 100;

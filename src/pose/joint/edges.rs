@@ -87,13 +87,14 @@ pub fn interval(
     for k in 0..6 {
         row[k] = 0.5 * (boundary.d_g(&from.d_point[k]) + boundary.d_g(&to.d_point[k]));
     }
-    // A threshold moves the edge's angle, which moves g by its slope over the angle.
+    let centre = row.dot(at);
+    // A threshold moves the edge's angle, which moves g by its slope over the angle. g is formed
+    // without it, so that all of the state's threshold counts, not what it changes by.
     let rate = (g_to_m - g_from_m) / (edge.to_rad - edge.from_rad);
     row[THRESHOLD] = -rate * edge.d_threshold;
     if !(g_from_m > g_to_m && row.iter().all(|r| r.is_finite())) {
         return None;
     }
-    let centre = row.dot(at);
     Some(BoxFactor {
         row,
         low: centre - g_from_m,
