@@ -69,6 +69,11 @@ bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
 	$(CARGO) bench --locked --bench streams --bench lines --bench decode
 
+## lines-table: the dissertation's table of line extractors with ours beside it, and its modified Hough transform against the whole one
+.PHONY: lines-table
+lines-table:
+	@$(CARGO) bench --locked --bench lines_table
+
 ## clock-table: errors of clock fits and trajectory delays on simulated runs, beside the goals (an error where one is missed)
 .PHONY: clock-table
 clock-table:
@@ -79,7 +84,12 @@ clock-table:
 clock-loopback:
 	@$(CARGO) bench --locked --bench clock_loopback
 
-## bench-live: an emulated scanner on the loopback: how late its records come, how many are lost (5 minutes; an error where a count is wrong)
+## bench-ads: writes to an emulated PLC on the loopback: round trips, memory and bytes over a million writes (2 minutes)
+.PHONY: bench-ads
+bench-ads:
+	@$(CARGO) bench --locked --bench ads
+
+## bench-live: an emulated scanner on the loopback: how late its records and writes come, how many are lost (6 minutes; an error where a count is wrong)
 .PHONY: bench-live
 bench-live: build
 	@$(CARGO) bench --locked --bench live
@@ -87,7 +97,7 @@ bench-live: build
 ## interop: other people's MCAP readers (Python, from PyPI) read what these programs write
 .PHONY: interop
 interop:
-	$(CARGO) build --locked --bins
+	$(CARGO) build --locked --bins --examples
 	test -x $(INTEROP)/venv/bin/python || $(PYTHON) -m venv $(INTEROP)/venv
 	$(INTEROP)/venv/bin/pip install --quiet --disable-pip-version-check -r interop/requirements.txt
 	BIN=$(TARGET)/debug PYTHON=$(INTEROP)/venv/bin/python OUT=$(INTEROP) FRAME=$(FRAME) interop/run

@@ -1,11 +1,19 @@
 //! From bytes to records nothing is allocated once the buffers have grown: neither by the framer,
-//! nor by the decoder, nor by the record and its stamp.
+//! nor by the decoder, nor by the record and its stamp. Nor is anything for a write to the controller.
 
 use cablepose::link::HostInstant;
+use cablepose::link::emulation::Conditions;
+use cablepose::record::Pose;
 use cablepose::sick::cola::{Dialect, Event, Framer};
 use cablepose::sick::encode::encode;
 use cablepose::sick::replay::{Replay, Settings};
 use cablepose::sick::scandata::{Calendar, Channel, LmdScandata, Width, is_scan};
+use cablepose::twincat::emulator::{Plc, Service, SharedPlc};
+use cablepose::twincat::fields::{Sample, USUAL, parse_fields};
+use cablepose::twincat::image::{Image, Missing, Variable, Wanted};
+use cablepose::twincat::variables::{self, Handles};
+use cablepose::twincat::{Client, LocalAddress};
+use std::time::Duration;
 
 /// Somewhat longer than the clock's map remembers (60 s).
 const WARM_UP: usize = 4000;
@@ -101,6 +109,49 @@ fn nothing_is_allocated_in_steady_state() {
             let case = format!("{dialect:?} in chunks of {chunk}: {measured:?}");
             assert_eq!(measured.count_total, 0, "{case}");
         }
+    }
+}
+
+/// A pose on its way to the controller: into the variable's bytes, the request, and back.
+#[test]
+fn nothing_is_allocated_for_a_push() {
+    const LIMIT: Duration = Duration::from_secs(60);
+    let mut plc = Plc::with_sick_value();
+    assert!(plc.declare("MAIN.fX", "LREAL") && plc.declare("MAIN.n", "UDINT"));
+    let plc = SharedPlc::new(plc);
+    let address = ([127, 0, 0, 1], 0).into();
+    let service = Service::start(&plc, address, Conditions::default()).unwrap();
+    let target = service.target(&plc).parse().unwrap();
+    let usual = parse_fields(USUAL).unwrap();
+    for wanted in [&["MAIN.SickValue"][..], &["MAIN.fX=x:mm", "MAIN.n=counter"]] {
+        let mut client = Client::connect(&target, LocalAddress::Usual, LIMIT).unwrap();
+        let wanted: Vec<Wanted> = wanted.iter().map(|w| w.parse().unwrap()).collect();
+        let found: Vec<Variable> = wanted
+            .iter()
+            .map(|w| {
+                variables::find(&mut client, &w.name, None, LIMIT)
+                    .unwrap()
+                    .1
+            })
+            .collect();
+        let mut image = Image::plan(&wanted, &found, None, &usual, Missing::Hold).unwrap();
+        let mut handles = Handles::get(&mut client, &image, LIMIT).unwrap();
+        let (mut bytes, pose) = (Vec::new(), Pose::default());
+        let mut push = |first: u64, count: u64| {
+            for counter in first..first + count {
+                let sample = Sample {
+                    pose: &pose,
+                    bits: 0,
+                    counter,
+                    now: HostInstant::now().utc,
+                };
+                image.fill(&sample, &mut bytes);
+                handles.write(&mut client, &bytes, LIMIT).unwrap();
+            }
+        };
+        push(0, 100);
+        let measured = allocation_counter::measure(|| push(100, 2000));
+        assert_eq!(measured.count_total, 0, "{measured:?}");
     }
 }
 

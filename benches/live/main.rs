@@ -12,11 +12,15 @@
 //! be what was received and what was lost on purpose, and the gaps that scan-capture counts must be
 //! those in the numbers of its records.
 //!
-//! Arguments: `latency` or `loss` for one of the two, a number for the scans of each latency.
+//! Push: the same scans through scan-capture, extract-lines, solve-pose and ads-push to an emulated
+//! PLC, until the write is acknowledged.
+//!
+//! Arguments: `latency`, `loss` or `push` for one of them, a number for the scans of each latency.
 
 mod capture;
 mod latency;
 mod loss;
+mod push;
 mod relay;
 mod scanner;
 
@@ -26,12 +30,15 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let asks = |name: &str| arguments.iter().any(|argument| argument == name);
     let scans = arguments.iter().filter_map(|a| a.parse().ok()).next();
-    let both = !asks("latency") && !asks("loss");
+    let all = !["latency", "loss", "push"].into_iter().any(asks);
     let mut result = Ok(());
-    if both || asks("latency") {
+    if all || asks("latency") {
         result = latency::table(scans.unwrap_or(3000));
     }
-    if result.is_ok() && (both || asks("loss")) {
+    if result.is_ok() && (all || asks("push")) {
+        result = push::table(scans.unwrap_or(3000));
+    }
+    if result.is_ok() && (all || asks("loss")) {
         result = loss::table();
     }
     match result {

@@ -271,7 +271,8 @@ pub fn evaluate(runs: Vec<Run>, reference: &Reference, settings: &Settings) -> V
     for run in &gathered {
         if settings.zones.is_empty() {
             let mut case = summarise(run, None, layout, (start, end));
-            case.notes = notes(&case, reference);
+            case.notes.extend(super::pushes::note(&run.run.poses));
+            case.notes.extend(notes(&case, reference));
             cases.push(case);
         }
         for zone in &settings.zones {

@@ -28,6 +28,7 @@ mod measured;
 mod number;
 pub mod origin;
 pub mod page;
+mod pushes;
 mod scale;
 mod scans;
 mod statistics;

@@ -5,7 +5,7 @@
 //! hashes, size, offset, type number, flags, those lengths, its dimensions and members.
 
 use super::ams::index;
-use super::bytes::{Bytes, length_u32};
+use super::bytes::{Bytes, latin_1, length_u32};
 use super::client::{Client, ClientError};
 use super::code::Code;
 use std::time::Duration;
@@ -70,7 +70,8 @@ impl Symbol {
             base,
             flags,
             type_name: entry.text(lengths.1)?,
-            comment: entry.text(lengths.2)?,
+            // Not every server puts a zero behind the last text.
+            comment: latin_1(entry.take(lengths.2.into())?),
         };
         Some((symbol, rest))
     }

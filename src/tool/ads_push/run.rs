@@ -115,6 +115,8 @@ impl Run {
     /// Runs until the poses end, a signal comes, the points are all there, or nothing helps.
     pub(super) fn run(mut self) -> anyhow::Result<Outcome> {
         let ended = self.turn_until_the_end();
+        // A pose that still waits is one that the controller has not got.
+        self.tally.missed += u64::from(self.pending.is_some() && self.connected);
         let farewell = self.say_farewell();
         if let Some(mailbox) = &self.mailbox {
             mailbox.close();
@@ -148,12 +150,12 @@ impl Run {
             }
             self.connect()?;
             if let Some(mailbox) = &self.mailbox {
-                if self.pending.is_none() || !self.wishes.every {
-                    if let Some(pose) = mailbox.take() {
-                        self.fresh_at = Instant::now();
-                        self.newest.clone_from(&pose);
-                        self.pending = Some(pose);
-                    }
+                if (self.pending.is_none() || !self.wishes.every)
+                    && let Some(pose) = mailbox.take()
+                {
+                    self.fresh_at = Instant::now();
+                    self.newest.clone_from(&pose);
+                    self.pending = Some(pose);
                 }
                 if over_at.is_none()
                     && let Some(ended) = mailbox.ended()

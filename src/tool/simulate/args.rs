@@ -302,6 +302,10 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
     if args.scene.scene.is_some() {
         return office::refuse_foreign(written);
     }
+    // Clap's own rule is silent where the scene is ruled out by the frame.
+    if written.value_source("view") == Some(clap::parser::ValueSource::CommandLine) {
+        return Err(Fault::Usage("--view belongs to --scene".into()));
+    }
     let cola = args.common.format == Some(Format::Cola);
     let unit = args.unit.imu_pty.is_some();
     serve_args::refuse_foreign(&args.serve, written, cola, unit)?;

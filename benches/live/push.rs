@@ -1,0 +1,84 @@
+//! From a telegram's last byte to the acknowledged write, through four processes.
+
+use crate::latency::line;
+use crate::relay::{Pieces, Relay};
+use crate::scanner::{Recording, Scanner};
+use crate::{Failure, during};
+use cablepose::link::emulation::Conditions;
+use cablepose::twincat::emulator::{Plc, Service, SharedPlc};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// What is promised, us.
+const GOAL_P50_US: f64 = 500.0;
+const GOAL_P99_US: f64 = 2000.0;
+/// Scans before the measurement.
+const FIRST: usize = 100;
+const FRAME: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cablar.toml");
+
+/// Measures and prints; an error only where the measurement fails.
+pub fn table(scans: u64) -> Result<(), Failure> {
+    println!(
+        "last byte of a scan to acknowledged write, four processes, 761 beams at 100 Hz, {scans} scans, us"
+    );
+    println!("{:<44} {:>8} {:>8} {:>8}", "", "p50", "p99", "max");
+    let recording = Recording::at_100_hz(500)?;
+    for format in ["csv", "mcap"] {
+        let mut spans = pushed(&recording, scans + FIRST as u64, format)?;
+        line(
+            &format!("through {format}"),
+            &mut spans,
+            Some((GOAL_P50_US, GOAL_P99_US)),
+        );
+    }
+    println!("{:<44} {GOAL_P50_US:>8.0} {GOAL_P99_US:>8.0}", "goal");
+    Ok(())
+}
+
+/// How long each scan took, ns.
+fn pushed(recording: &Recording, scans: u64, format: &str) -> Result<Vec<i64>, Failure> {
+    let plc = SharedPlc::new(Plc::with_sick_value());
+    let address = ([127, 0, 0, 1], 0).into();
+    let service = Service::start(&plc, address, Conditions::default()).map_err(during("PLC"))?;
+    let scanner = Scanner::replay(recording)?;
+    let relay = Relay::start(&scanner.address, Pieces::Telegrams)?;
+    let bin = Path::new(env!("CARGO_BIN_EXE_ads-push"));
+    let bin = bin.parent().ok_or("no programs")?.display();
+    let chain = format!(
+        "set -o pipefail; {bin}/scan-capture -q {} -n {scans} --format {format} \
+         | {bin}/extract-lines -q -f {FRAME} | {bin}/solve-pose -q -f {FRAME} --pitch-deg 0 \
+         | {bin}/ads-push -q {} MAIN.SickValue --stamp-push --format csv",
+        relay.address,
+        service.target(&plc)
+    );
+    let ended = Command::new("bash")
+        .args(["-c", &chain])
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(during("chain"))?;
+    let sent = relay.end()?;
+    let text = String::from_utf8(ended.stdout).map_err(during("poses"))?;
+    let mut rows = text.lines();
+    let header: Vec<&str> = rows.next().unwrap_or_default().split(',').collect();
+    let place = header.iter().position(|name| *name == "pushed_ns");
+    let place = place.ok_or("ads-push wrote no pushed_ns")?;
+    let stamps: Vec<i64> = rows
+        .filter_map(|row| row.split(',').nth(place)?.parse().ok())
+        .collect();
+    let writes = plc.lock().writes("MAIN.SickValue");
+    if !ended.status.success()
+        || stamps.len() as u64 != scans
+        || writes < scans
+        || sent.len() < stamps.len()
+    {
+        return Err(format!(
+            "{} of {scans} poses stamped, {writes} written, {} scans sent, {}",
+            stamps.len(),
+            sent.len(),
+            ended.status
+        ));
+    }
+    let pairs = sent.iter().zip(&stamps).skip(FIRST);
+    Ok(pairs.map(|(sent, pushed)| pushed - sent.utc.ns()).collect())
+}
