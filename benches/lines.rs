@@ -1,43 +1,135 @@
 //! How many scans a second the line room takes on one core. `cargo bench --bench lines` prints
-//! figures and passes no judgement.
+//! figures, and ratios to the first method's, and passes no judgement.
 //!
-//! The scans are those of a 722 beam all-round scanner in seeded random rooms with boxes.
+//! The scans are those of a 722 beam all-round scanner in seeded random rooms with boxes; or, where
+//! CABLEPOSE_OFFICE names a folder that `gen_office.py` wrote, those offices, with scores.
 
-use cablepose::lines::extractor::Extractor;
+#[path = "../tests/office/mod.rs"]
+mod office;
+
+use cablepose::lines::extractor::{Extractor, ExtractorOptions};
 use cablepose::lines::fit::{self, Beams, Loss};
+use cablepose::lines::iepf::{Iepf, IepfOptions};
+use cablepose::lines::incremental::{Incremental, IncrementalOptions};
+use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
+use cablepose::lines::ml::{Ml, MlOptions};
 use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::record::Scan;
+use office::Office;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Normal, Uniform};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
+use std::path::Path;
 use std::time::Instant;
 
 const BEAMS: usize = 722;
 const SIGMA_M: f64 = 0.015;
 const ROUNDS: usize = 40;
 
+/// Every method, with the noise of a set.
+fn methods(sigma_m: f64) -> Vec<(&'static str, Box<dyn Extractor>)> {
+    let mut common = ExtractorOptions::default();
+    common.segmentation.sigma_m = sigma_m;
+    // The truth of the all-round set has a wall through the seam as two.
+    common.segmentation.cut_at_seam = true;
+    vec![
+        (
+            "split-and-merge",
+            Box::new(SplitAndMerge::new(SplitAndMergeOptions {
+                common,
+                ..SplitAndMergeOptions::default()
+            })),
+        ),
+        (
+            "iepf",
+            Box::new(Iepf::new(IepfOptions {
+                common,
+                ..IepfOptions::default()
+            })),
+        ),
+        (
+            "incremental",
+            Box::new(Incremental::new(IncrementalOptions {
+                common,
+                ..IncrementalOptions::default()
+            })),
+        ),
+        (
+            "line-regression",
+            Box::new(LineRegression::new(LineRegressionOptions {
+                common,
+                ..LineRegressionOptions::default()
+            })),
+        ),
+        (
+            "ml",
+            Box::new(Ml::new(MlOptions {
+                common,
+                ..MlOptions::default()
+            })),
+        ),
+    ]
+}
+
 fn main() {
-    let scans = scans(100);
-    let mut options = SplitAndMergeOptions::default();
-    options.common.segmentation.sigma_m = SIGMA_M;
-    let mut extractor = SplitAndMerge::new(options);
-    let mut segments = Vec::new();
-    let mut lines = 0;
-    let seconds = best(|| {
-        lines = 0;
-        for scan in &scans {
-            extractor.extract(black_box(scan), &mut segments);
-            lines += segments.len();
+    if let Some(folder) = std::env::var_os("CABLEPOSE_OFFICE") {
+        for (set, sigma_m) in OFFICES {
+            match office::read(Path::new(&folder), set) {
+                Ok(office) => compare(set, &office.scans, Some(&office), sigma_m),
+                Err(error) => println!("{set}: {error}"),
+            }
         }
-    });
-    println!(
-        "split-and-merge   {:9.0} scans/s   {:6.2} us a scan   {:.1} lines a scan",
-        scans.len() as f64 / seconds,
-        1e6 * seconds / scans.len() as f64,
-        lines as f64 / scans.len() as f64
-    );
+    } else {
+        compare("random rooms", &scans(100), None, SIGMA_M);
+    }
+    fits();
+}
+
+/// The generator's sets and their noise.
+const OFFICES: [(&str, f64); 3] = [
+    ("office360_722", 0.015),
+    ("office180_722", 0.015),
+    ("office190_761_lms500", 0.0065),
+];
+
+fn compare(set: &str, scans: &[Scan], office: Option<&Office>, sigma_m: f64) {
+    println!("{set}, {} scans", scans.len());
+    let mut first = None;
+    for (name, mut extractor) in methods(sigma_m) {
+        let mut segments = Vec::new();
+        let seconds = best(|| {
+            for scan in scans {
+                extractor.extract(black_box(scan), &mut segments);
+            }
+        });
+        let reference = *first.get_or_insert(seconds);
+        let us = 1e6 * seconds / scans.len() as f64;
+        let speed = scans.len() as f64 / seconds;
+        print!(
+            "  {name:16} {speed:8.0} scans/s {us:8.2} us {:8.3}",
+            reference / seconds
+        );
+        if let Some(office) = office {
+            let score = office::score(office, extractor.as_mut());
+            print!(
+                "  {:4} lines  TruePos {:5.1} %  FalsePos {:4.1} %  d {:4.2} cm  alpha {:4.2} deg  \
+                 middle {:4.2} cm  NEES {:.1}",
+                score.lines,
+                score.true_pos_percent,
+                score.false_pos_percent,
+                score.sd_d_cm,
+                score.sd_alpha_deg,
+                score.sd_offset_cm,
+                score.nees_median
+            );
+        }
+        println!();
+    }
+}
+
+fn fits() {
     for beams in [76, 152, 411] {
         let wall = wall(beams);
         for (name, loss) in [("least squares", Loss::Squares), ("Tukey", Loss::TUKEY)] {

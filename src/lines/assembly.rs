@@ -5,13 +5,15 @@
 
 use super::extractor::{ExtractorOptions, Fate};
 use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
+use super::runs::Runs;
 use super::segmentation::Returns;
 use crate::record::{NormalLine, Scan, Segment, Stamp};
 use std::ops::Range;
 
 /// Makes a scan's segments; keeps its buffers from scan to scan.
 ///
-/// [`Assembly::begin`] with the scan's returns, [`Assembly::add`] once a line, [`Assembly::end`].
+/// [`Assembly::begin`] with the scan's returns, [`Assembly::add`] once a line, [`Assembly::end`];
+/// or [`Assembly::add_all`] where there are [`Runs`].
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     /// The beams of the line at hand, and where they are among the returns.
@@ -25,6 +27,23 @@ pub struct Assembly {
 }
 
 impl Assembly {
+    /// Makes the segments of a scan from its chains of runs, in place of what `out` held.
+    pub fn add_all(
+        &mut self,
+        scan: &Scan,
+        returns: &Returns,
+        runs: &Runs,
+        options: &ExtractorOptions,
+        out: &mut Vec<Segment>,
+    ) {
+        out.clear();
+        self.begin(scan, returns, options);
+        for (line, chain) in runs.chains() {
+            self.add(returns, chain, line, options, out);
+        }
+        self.end(out);
+    }
+
     /// Begins a scan whose returns have been read; forgets the one before.
     pub fn begin(&mut self, scan: &Scan, returns: &Returns, options: &ExtractorOptions) {
         self.stamp = scan.stamp;
@@ -53,32 +72,37 @@ impl Assembly {
         options: &ExtractorOptions,
         out: &mut Vec<Segment>,
     ) {
-        let start = start.or_else(|| {
-            let beams = returns.beams();
-            let mut sums = InverseRangeSums::default();
-            for k in runs.clone().flatten() {
-                sums.add(beams.range_m[k], beams.y_m[k], beams.z_m[k], 1.0);
-            }
-            sums.line()
-        });
-        let Some(line) = self.keep_inliers(returns, runs, start, options) else {
+        self.collect(returns, runs.clone());
+        let start = start.or_else(|| self.kept.all().iter().collect::<InverseRangeSums>().line());
+        let Some(line) = start.and_then(|line| self.keep_inliers(returns, runs, line, options))
+        else {
             return;
         };
-        let normal = line.normal();
-        let (sin, cos) = normal.alpha_rad.sin_cos();
-        let max_gap_m = options.segmentation.max_gap_m;
         let kept = std::mem::take(&mut self.kept);
         let beams = kept.all();
-        let along = |k: usize| beams.z_m[k] * cos - beams.y_m[k] * sin;
+        let max_gap_m = options.segmentation.max_gap_m;
         let mut from = 0;
-        for k in 1..=beams.len() {
-            if k < beams.len() && (along(k) - along(k - 1)).abs() <= max_gap_m {
-                continue;
+        if widest_gap_m(beams, line) > max_gap_m {
+            for k in 1..beams.len() {
+                if widest_gap_m(beams.run(k - 1, k + 1), line) > max_gap_m {
+                    self.add_piece(returns, beams, from..k, line, options, out);
+                    from = k;
+                }
             }
-            self.add_piece(returns, beams, from..k, normal, options, out);
-            from = k;
         }
+        self.add_piece(returns, beams, from..beams.len(), line, options, out);
         self.kept = kept;
+    }
+
+    /// Lines up the beams of `runs`.
+    fn collect(&mut self, returns: &Returns, runs: impl Iterator<Item = Range<usize>>) {
+        let beams = returns.beams();
+        self.kept.clear();
+        self.kept_at.clear();
+        for run in runs {
+            self.kept.extend(beams.run(run.start, run.end));
+            self.kept_at.extend(run.start as u32..run.end as u32);
+        }
     }
 
     /// Ends the scan: numbers the lines in the order of their first beams.
@@ -104,20 +128,28 @@ impl Assembly {
         &self.fates
     }
 
-    /// Collects the beams that lie within the trim limit of their line.
+    /// Keeps the beams that lie within the trim limit of their line, which moves with them.
     fn keep_inliers(
         &mut self,
         returns: &Returns,
         runs: impl Iterator<Item = Range<usize>> + Clone,
-        start: Option<InverseLine>,
+        start: InverseLine,
         options: &ExtractorOptions,
     ) -> Option<InverseLine> {
-        let beams = returns.beams();
         let limit_m = options.trim_sigmas * options.segmentation.sigma_m;
-        let mut line = start?;
-        self.kept_at.clear();
+        let enough = |beams: usize| beams >= options.min_points;
+        // Most lines lose nothing.
+        if start.largest_residual_m(self.kept.all()) <= limit_m {
+            if enough(self.kept_at.len()) {
+                return Some(start);
+            }
+            self.judge(returns, runs.flatten(), Fate::FewBeams);
+            return None;
+        }
+        let beams = returns.beams();
+        let mut line = start;
+        let mut before = 0;
         for _ in 0..TRIM_ROUNDS {
-            let before = self.kept_at.len();
             self.kept.clear();
             self.kept_at.clear();
             let mut sums = InverseRangeSums::default();
@@ -129,7 +161,7 @@ impl Assembly {
                     sums.add(r, y, z, 1.0);
                 }
             }
-            if self.kept_at.len() < options.min_points {
+            if !enough(self.kept_at.len()) {
                 self.judge(returns, runs.flatten(), Fate::FewBeams);
                 return None;
             }
@@ -137,6 +169,7 @@ impl Assembly {
             if self.kept_at.len() == before {
                 break;
             }
+            before = self.kept_at.len();
         }
         self.judge(returns, runs.flatten(), Fate::OffLine);
         Some(line)
@@ -147,7 +180,7 @@ impl Assembly {
         returns: &Returns,
         kept: BeamSlice<'_>,
         piece: Range<usize>,
-        start: NormalLine,
+        start: InverseLine,
         options: &ExtractorOptions,
         out: &mut Vec<Segment>,
     ) {
@@ -177,7 +210,7 @@ impl Assembly {
     fn segment(
         &self,
         piece: BeamSlice<'_>,
-        start: NormalLine,
+        start: InverseLine,
         options: &ExtractorOptions,
     ) -> Option<Segment> {
         let sigma_m = options.segmentation.sigma_m;
@@ -209,6 +242,37 @@ impl Assembly {
 }
 
 const TRIM_ROUNDS: usize = 4;
+
+/// Widest gap between neighbours along the line, m.
+fn widest_gap_m(beams: BeamSlice<'_>, line: InverseLine) -> f64 {
+    let Some(last) = beams.len().checked_sub(1) else {
+        return 0.0;
+    };
+    let (before, after) = (beams.run(0, last), beams.run(1, last + 1));
+    let mut widest = [0.0f64; LANES];
+    let ((y0, y0_rest), (y1, y1_rest)) = (before.y_m.as_chunks(), after.y_m.as_chunks());
+    let ((z0, z0_rest), (z1, z1_rest)) = (before.z_m.as_chunks(), after.z_m.as_chunks());
+    let gap = |y0: f64, y1: f64, z0: f64, z1: f64| (line.a * (z1 - z0) - line.b * (y1 - y0)).abs();
+    for ((y0, y1), (z0, z1)) in y0.iter().zip(y1).zip(z0.iter().zip(z1)) {
+        let (y0, y1, z0, z1): (&[f64; LANES], &[f64; LANES], &[f64; LANES], &[f64; LANES]) =
+            (y0, y1, z0, z1);
+        for lane in 0..LANES {
+            let gap = gap(y0[lane], y1[lane], z0[lane], z1[lane]);
+            widest[lane] = if gap > widest[lane] {
+                gap
+            } else {
+                widest[lane]
+            };
+        }
+    }
+    let rest = y0_rest.iter().zip(y1_rest).zip(z0_rest.iter().zip(z1_rest));
+    for ((y0, y1), (z0, z1)) in rest {
+        widest[0] = widest[0].max(gap(*y0, *y1, *z0, *z1));
+    }
+    widest.iter().fold(0.0f64, |a, b| a.max(*b)) / line.a.hypot(line.b)
+}
+
+const LANES: usize = 4;
 
 /// Where the beam through a point meets a line, m.
 fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {

@@ -215,7 +215,7 @@ impl Strategy {
             return None;
         }
         let (sigma_m, estimator) = (self.options.sigma_m, self.options.estimator);
-        let mut line = fit::fit_near(start, beams, sigma_m, estimator, Loss::Squares)?;
+        let mut line = fit::fit_near(start.into(), beams, sigma_m, estimator, Loss::Squares)?;
         let n = beams.len() as f64;
         let noise_m = (line.rms_m * (n / (n - 2.0)).sqrt()).max(SIGMA_FLOOR_M);
         let scale = (noise_m / sigma_m).powi(2);

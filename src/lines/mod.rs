@@ -8,6 +8,10 @@
 //! - [`segmentation`] beams that returned something, cut at the jumps between surfaces
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
+//! - [`iepf`], [`incremental`], [`line_regression`] the classical ways to the same
+//! - [`ml`] the most likely partition into runs
+//! - [`known_lines`] a second look at a scan, with the lines of the first
+//! - [`runs`] runs of beams joined where one line explains them together
 //! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken
 //! - [`pool`] those beams
 //! - [`assembly`] segments from beams on one line each
@@ -20,8 +24,14 @@ pub mod em;
 pub mod extractor;
 pub mod fit;
 pub mod hough;
+pub mod iepf;
+pub mod incremental;
+pub mod known_lines;
+pub mod line_regression;
+pub mod ml;
 pub mod pool;
 pub mod ransac;
 pub mod reflectors;
+pub mod runs;
 pub mod segmentation;
 pub mod split_and_merge;

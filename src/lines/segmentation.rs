@@ -46,6 +46,9 @@ pub struct SegmentationOptions {
     pub spike_sigmas: f64,
     /// Ranges beyond this are no return, m (besides the scan's own limits).
     pub max_range_m: f64,
+    /// Whether a surface that a scanner sees with its last and its first beams, all round, is cut
+    /// there in two.
+    pub cut_at_seam: bool,
 }
 
 impl Default for SegmentationOptions {
@@ -53,11 +56,12 @@ impl Default for SegmentationOptions {
         SegmentationOptions {
             cut: Cut::default(),
             sigma_m: 0.0065,
-            breakpoint_angle_rad: 10f64.to_radians(),
+            breakpoint_angle_rad: 5f64.to_radians(),
             max_gap_m: 0.5,
             edge_m: 0.3,
-            spike_sigmas: 6.0,
+            spike_sigmas: 12.0,
             max_range_m: f64::INFINITY,
+            cut_at_seam: false,
         }
     }
 }
@@ -74,7 +78,8 @@ pub struct Returns {
     range_m: Vec<f64>,
     y_m: Vec<f64>,
     z_m: Vec<f64>,
-    spikes: Vec<bool>,
+    /// Entries to be taken out.
+    remove: Vec<u32>,
     /// Beams left out as spikes.
     dropped: Vec<u32>,
     /// Lines that surfaces are expected to run along.
@@ -88,7 +93,7 @@ impl Returns {
     /// Takes in a scan.
     pub fn read(&mut self, scan: &Scan, options: &SegmentationOptions) {
         self.directions.fit(scan);
-        self.all_round = sees_all_round(scan);
+        self.all_round = sees_all_round(scan) && !options.cut_at_seam;
         self.collect(scan, options);
         let rule = BreakRule::new(scan, options);
         self.drop_spikes(&rule, options);
@@ -103,10 +108,7 @@ impl Returns {
             lines
                 .iter()
                 .filter(|line| line.d_m > 0.0 && line.alpha_rad.is_finite())
-                .map(|line| InverseLine {
-                    a: line.alpha_rad.cos() / line.d_m,
-                    b: line.alpha_rad.sin() / line.d_m,
-                }),
+                .map(|line| InverseLine::from(*line)),
         );
     }
 
@@ -141,12 +143,22 @@ impl Returns {
         self.all_round
     }
 
+    /// Every loop over all beams below takes them in chunks without a branch, which goes through
+    /// vector registers; what is rare is then looked at one by one.
     fn collect(&mut self, scan: &Scan, options: &SegmentationOptions) {
         let beams = scan.beams();
         for list in [&mut self.range_m, &mut self.y_m, &mut self.z_m] {
             list.resize(beams, 0.0);
         }
-        self.beam.resize(beams, 0);
+        self.beam.clear();
+        self.beam.extend(0..beams as u32);
+        self.range_m.copy_from_slice(&scan.ranges_m);
+        let points = self.y_m.iter_mut().zip(&mut self.z_m);
+        let beams = scan.ranges_m.iter().zip(&self.directions.cos_sin);
+        for ((y_m, z_m), (range_m, (cos, sin))) in points.zip(beams) {
+            *y_m = range_m * cos;
+            *z_m = range_m * sin;
+        }
         let max_m = if scan.range_max_m > 0.0 {
             options.max_range_m.min(scan.range_max_m)
         } else {
@@ -158,79 +170,95 @@ impl Returns {
         } else {
             f64::MIN_POSITIVE
         };
-        let mut k = 0;
-        // Every beam is written where the next valid one belongs, which spares a branch a beam.
-        let beams = scan.ranges_m.iter().zip(&self.directions.cos_sin);
-        for (i, (range_m, (cos, sin))) in beams.enumerate() {
-            self.beam[k] = i as u32;
-            self.range_m[k] = *range_m;
-            self.y_m[k] = range_m * cos;
-            self.z_m[k] = range_m * sin;
-            k += usize::from((min_m..=max_m).contains(range_m));
+        let limits = min_m..=max_m;
+        self.remove.clear();
+        for (first, chunk) in self.range_m.chunks(CHUNK).enumerate() {
+            if chunk.iter().fold(true, |all, r| all & limits.contains(r)) {
+                continue;
+            }
+            for (k, range_m) in chunk.iter().enumerate() {
+                if !limits.contains(range_m) {
+                    self.remove.push((first * CHUNK + k) as u32);
+                }
+            }
         }
-        self.truncate(k);
+        self.close_up();
     }
 
-    fn truncate(&mut self, len: usize) {
-        self.beam.truncate(len);
-        self.range_m.truncate(len);
-        self.y_m.truncate(len);
-        self.z_m.truncate(len);
+    /// Takes out the entries at the ascending indices in `remove`.
+    fn close_up(&mut self) {
+        let n = self.range_m.len();
+        let Some(first) = self.remove.first() else {
+            return;
+        };
+        let mut to = *first as usize;
+        for (i, removed) in self.remove.iter().enumerate() {
+            let from = *removed as usize + 1;
+            let end = self.remove.get(i + 1).map_or(n, |next| *next as usize);
+            self.beam.copy_within(from..end, to);
+            self.range_m.copy_within(from..end, to);
+            self.y_m.copy_within(from..end, to);
+            self.z_m.copy_within(from..end, to);
+            to += end - from;
+        }
+        self.beam.truncate(to);
+        self.range_m.truncate(to);
+        self.y_m.truncate(to);
+        self.z_m.truncate(to);
     }
 
     /// A line through both neighbours (at equal angles) predicts
     /// `1 / r = (1 / r1 + 1 / r2) / (2 cos(dphi))`.
     fn drop_spikes(&mut self, rule: &BreakRule, options: &SegmentationOptions) {
         self.dropped.clear();
+        let mut remove = std::mem::take(&mut self.remove);
+        remove.clear();
+        self.find_spikes(rule, options, &mut remove);
+        self.dropped
+            .extend(remove.iter().map(|k| self.beam[*k as usize]));
+        self.remove = remove;
+        self.close_up();
+    }
+
+    fn find_spikes(&self, rule: &BreakRule, options: &SegmentationOptions, spikes: &mut Vec<u32>) {
         let n = self.range_m.len();
         if n < 3 {
             return;
         }
         // The prediction's own noise is half a variance of one range.
         let limit_m = options.spike_sigmas * options.sigma_m * 1.5f64.sqrt();
-        self.spikes.clear();
-        self.spikes.resize(n, false);
-        let mut any = false;
-        let triples = self.range_m.windows(3).zip(self.beam.windows(3));
-        for (spike, (r, beam)) in self.spikes[1..].iter_mut().zip(triples) {
-            let neighbours = beam[2] - beam[0] == 2;
-            let sum = r[0] + r[2];
-            let off = (r[1] * sum - 2.0 * rule.cos_step * r[0] * r[2]).abs() > limit_m * sum;
-            *spike = neighbours && off;
-            any |= *spike;
+        let twice = 2.0 * rule.cos_step;
+        let off = |before: f64, r: f64, after: f64| {
+            let sum = before + after;
+            (r * sum - twice * before * after).abs() > limit_m * sum
+        };
+        let single =
+            |before, k, after| self.steps(before, k, rule) == 1 && self.steps(k, after, rule) == 1;
+        let is_spike = |before: usize, k: usize, after: usize| {
+            off(self.range_m[before], self.range_m[k], self.range_m[after])
+                && single(before, k, after)
+                && !self.is_far(before, after, rule)
+        };
+        if self.all_round && is_spike(n - 1, 0, 1) {
+            spikes.push(0);
         }
-        if self.all_round {
-            for k in [0, n - 1] {
-                let (before, after) = ((k + n - 1) % n, (k + 1) % n);
-                let (r1, r, r2) = (self.range_m[before], self.range_m[k], self.range_m[after]);
-                let sum = r1 + r2;
-                let off = (r * sum - 2.0 * rule.cos_step * r1 * r2).abs() > limit_m * sum;
-                let single = self.steps(before, k, rule) == 1 && self.steps(k, after, rule) == 1;
-                self.spikes[k] = single && off;
-                any |= self.spikes[k];
-            }
-        }
-        if !any {
-            return;
-        }
-        for k in 0..n {
-            if self.spikes[k] {
-                let (before, after) = ((k + n - 1) % n, (k + 1) % n);
-                self.spikes[k] = !self.is_far(before, after, rule);
-                if self.spikes[k] {
-                    self.dropped.push(self.beam[k]);
+        let befores = self.range_m[..n - 2].chunks(CHUNK);
+        let ranges = self.range_m[1..n - 1].chunks(CHUNK);
+        let afters = self.range_m[2..].chunks(CHUNK);
+        for (chunk, ((before, r), after)) in befores.zip(ranges).zip(afters).enumerate() {
+            let triples = before.iter().zip(r).zip(after);
+            if triples.fold(false, |any, ((b, r), a)| any | off(*b, *r, *a)) {
+                let first = 1 + chunk * CHUNK;
+                for k in first..first + r.len() {
+                    if is_spike(k - 1, k, k + 1) {
+                        spikes.push(k as u32);
+                    }
                 }
             }
         }
-        let mut kept = 0;
-        for k in 0..n {
-            self.beam[kept] = self.beam[k];
-            self.range_m[kept] = self.range_m[k];
-            self.y_m[kept] = self.y_m[k];
-            self.z_m[kept] = self.z_m[k];
-            kept += usize::from(!self.spikes[k]);
+        if self.all_round && is_spike(n - 2, n - 1, 0) {
+            spikes.push(n as u32 - 1);
         }
-        self.truncate(kept);
     }
 
     /// Beam steps from return `k` to return `next`.
@@ -303,19 +331,55 @@ impl Returns {
         if !self.all_round || self.is_break(n - 1, 0, rule) {
             self.starts.push(0);
         }
-        for k in 1..n {
-            if self.is_break(k - 1, k, rule) {
-                self.starts.push(k as u32);
+        if rule.cut == Cut::Adaptive {
+            self.cut_adaptively(rule);
+        } else {
+            for k in 1..n {
+                if self.is_break(k - 1, k, rule) {
+                    self.starts.push(k as u32);
+                }
             }
         }
         if self.all_round {
-            self.turn();
+            self.turn(rule.cut);
         }
         self.starts.push(n as u32);
     }
 
+    /// The limit between neighbouring beams is the strictest: it is tried first.
+    fn cut_adaptively(&mut self, rule: &BreakRule) {
+        let lists = chunks(&self.range_m)
+            .zip(chunks(&self.y_m))
+            .zip(chunks(&self.z_m));
+        let mut starts = std::mem::take(&mut self.starts);
+        for (chunk, (((r0, r1), (y0, y1)), (z0, z1))) in lists.enumerate() {
+            let mut any = false;
+            let points = y0.iter().zip(y1).zip(z0.iter().zip(z1));
+            for ((r0, r1), ((y0, y1), (z0, z1))) in r0.iter().zip(r1).zip(points) {
+                let near_m = if r0 < r1 { *r0 } else { *r1 };
+                let limit_m = near_m * rule.factor + rule.offset_m;
+                let limit_m = if limit_m < rule.max_gap_m {
+                    limit_m
+                } else {
+                    rule.max_gap_m
+                };
+                let (dy_m, dz_m) = (y1 - y0, z1 - z0);
+                any |= dy_m * dy_m + dz_m * dz_m > limit_m * limit_m;
+            }
+            if any {
+                let first = 1 + chunk * CHUNK;
+                for k in first..first + r0.len() {
+                    if self.is_far(k - 1, k, rule) {
+                        starts.push(k as u32);
+                    }
+                }
+            }
+        }
+        self.starts = starts;
+    }
+
     /// Turns an all-round scan so that it starts behind its widest jump.
-    fn turn(&mut self) {
+    fn turn(&mut self, cut: Cut) {
         let n = self.range_m.len();
         let width2_m2 = |k: usize| self.distance2_m2((k + n - 1) % n, k);
         let widest = (0..self.starts.len()).max_by(|a, b| {
@@ -336,8 +400,13 @@ impl Returns {
             None => {
                 self.starts.push(0);
                 let ranges = self.range_m.iter().enumerate();
-                let nearest = ranges.min_by(|a, b| a.1.total_cmp(b.1));
-                nearest.map_or(0, |(k, _)| k)
+                let first = if cut == Cut::Nowhere {
+                    // Nothing is merged then: better a beam of a corner lost than a wall halved.
+                    ranges.max_by(|a, b| a.1.total_cmp(b.1))
+                } else {
+                    ranges.min_by(|a, b| a.1.total_cmp(b.1))
+                };
+                first.map_or(0, |(k, _)| k)
             }
         };
         self.beam.rotate_left(first);
@@ -346,6 +415,15 @@ impl Returns {
         self.z_m.rotate_left(first);
     }
 }
+
+/// Chunks of a list beside the chunks one further on.
+fn chunks(list: &[f64]) -> impl Iterator<Item = (&[f64], &[f64])> {
+    let last = list.len() - 1;
+    list[..last].chunks(CHUNK).zip(list[1..].chunks(CHUNK))
+}
+
+/// Beams looked at together.
+const CHUNK: usize = 8;
 
 /// Whether the beam after the last one would be the first again (or nearly so).
 fn sees_all_round(scan: &Scan) -> bool {

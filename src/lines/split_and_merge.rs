@@ -9,9 +9,10 @@
 
 use super::assembly::Assembly;
 use super::extractor::{Extractor, ExtractorOptions, Fate};
-use super::fit::{BeamSlice, InverseLine, InverseRangeSums};
+use super::fit::{BeamSlice, PrefixSums};
+use super::runs::{MergeRule, Runs};
 use super::segmentation::Returns;
-use crate::record::{Scan, Segment};
+use crate::record::{NormalLine, Scan, Segment};
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,68 +46,29 @@ pub struct SplitAndMerge {
     /// The settings; may be changed between scans.
     pub options: SplitAndMergeOptions,
     returns: Returns,
-    /// Sums over a group's beams before each beam.
-    prefix: Vec<InverseRangeSums>,
+    prefix: PrefixSums,
     pending: Vec<(usize, usize)>,
-    runs: Vec<Run>,
+    runs: Runs,
     assembly: Assembly,
-}
-
-/// Beams on one line; a chain of runs where something stands in front of it.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    from: usize,
-    to: usize,
-    sums: InverseRangeSums,
-    /// Beams of the whole chain.
-    beams: usize,
-    cost_m2: f64,
-    /// End of the chain's last run.
-    chain_end: usize,
-    /// The chain's last run.
-    last: usize,
-    next: Option<usize>,
-    absorbed: bool,
-}
-
-impl Run {
-    fn new(from: usize, to: usize, sums: InverseRangeSums, index: usize) -> Run {
-        Run {
-            from,
-            to,
-            sums,
-            beams: to - from,
-            cost_m2: sums.cost_m2(),
-            chain_end: to,
-            last: index,
-            next: None,
-            absorbed: false,
-        }
-    }
 }
 
 impl Extractor for SplitAndMerge {
     fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
         let options = self.options.common;
         self.returns.read(scan, &options.segmentation);
         self.split();
-        self.merge(scan.angle_increment_rad.abs());
-        self.assembly.begin(scan, &self.returns, &options);
-        for (index, head) in self.runs.iter().enumerate() {
-            if head.absorbed {
-                continue;
-            }
-            let chain = std::iter::successors(Some(index), |i| self.runs[*i].next);
-            let runs = chain.map(|i| self.runs[i].from..self.runs[i].to);
-            self.assembly
-                .add(&self.returns, runs, head.sums.line(), &options, out);
-        }
-        self.assembly.end(out);
+        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
+        self.runs.merge(&self.returns, &rule);
+        self.assembly
+            .add_all(scan, &self.returns, &self.runs, &options, out);
     }
 
     fn fates(&self) -> &[Fate] {
         self.assembly.fates()
+    }
+
+    fn expect(&mut self, lines: &[NormalLine]) {
+        self.returns.expect(lines);
     }
 }
 
@@ -130,13 +92,7 @@ impl SplitAndMerge {
 
     fn split_group(&mut self, returns: &Returns, from: usize, to: usize) {
         let group = returns.beams().run(from, to);
-        self.prefix.clear();
-        let mut sums = InverseRangeSums::default();
-        self.prefix.push(sums);
-        for (range_m, y_m, z_m) in group.iter() {
-            sums.add(range_m, y_m, z_m, 1.0);
-            self.prefix.push(sums);
-        }
+        self.prefix.read(group);
         let first_run = self.runs.len();
         self.pending.clear();
         self.pending.push((0, to - from));
@@ -151,19 +107,12 @@ impl SplitAndMerge {
                     self.pending.push((a, border));
                 }
                 None => {
-                    let index = self.runs.len();
-                    self.runs
-                        .push(Run::new(from + a, from + b, self.sums(a, b), index));
+                    let sums = self.prefix.between(a, b);
+                    self.runs.push(from + a, from + b, sums);
                 }
             }
         }
-        self.settle_borders(first_run, from);
-    }
-
-    /// Sums over beams `a..b` of the current group.
-    #[inline]
-    fn sums(&self, a: usize, b: usize) -> InverseRangeSums {
-        self.prefix[b].minus(&self.prefix[a])
+        self.runs.settle_borders(first_run, from, &self.prefix);
     }
 
     /// Where to split `a..b` because a beam is too far off its line: at the beam farthest from the
@@ -172,10 +121,10 @@ impl SplitAndMerge {
         if b - a < 3 {
             return None;
         }
-        let line = self.sums(a, b).line()?;
+        let line = self.prefix.between(a, b).line()?;
         let run = group.run(a, b);
         let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
-        if largest_residual_m(run, line) <= limit_m {
+        if line.largest_residual_m(run) <= limit_m {
             return None;
         }
         let corner = a + farthest_from_chord(run);
@@ -190,164 +139,55 @@ impl SplitAndMerge {
             return None;
         }
         let variance_m2 = self.options.common.segmentation.sigma_m.powi(2);
-        let whole_m2 = self.sums(a, b).cost_m2();
+        let whole_m2 = self.prefix.cost_m2(a, b);
         let bound_m2 = whole_m2 - self.options.split_chi2 * variance_m2;
         if bound_m2 <= 0.0 {
             return None;
         }
-        let halves_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
+        let halves_m2 = |k: usize| self.prefix.cost_m2(a, k) + self.prefix.cost_m2(k, b);
         let (border, cost_m2) = (a + side..=b - side)
-            .step_by(COARSE_STEP)
+            .step_by(COARSE_STEP.max((b - a) / COARSE_STEPS))
             .map(|k| (k, halves_m2(k)))
             .min_by(|x, y| x.1.total_cmp(&y.1))?;
         (cost_m2 < bound_m2).then_some(border)
-    }
-
-    /// Moves the borders between neighbouring runs of a group to where both sides fit best.
-    fn settle_borders(&mut self, first_run: usize, offset: usize) {
-        for index in first_run + 1..self.runs.len() {
-            let (before, after) = (self.runs[index - 1], self.runs[index]);
-            let (a, b) = (before.from - offset, after.to - offset);
-            let start = after.from - offset;
-            let cost_m2 = |k: usize| self.sums(a, k).cost_m2() + self.sums(k, b).cost_m2();
-            let mut border = start;
-            let mut best_m2 = before.cost_m2 + after.cost_m2;
-            for step in [-1isize, 1] {
-                let mut tried = border;
-                let mut patience = BORDER_PATIENCE;
-                while patience > 0 {
-                    tried = tried.wrapping_add_signed(step);
-                    if tried <= a || tried >= b {
-                        break;
-                    }
-                    let here_m2 = cost_m2(tried);
-                    if here_m2 < best_m2 {
-                        best_m2 = here_m2;
-                        border = tried;
-                        patience = BORDER_PATIENCE;
-                    } else {
-                        patience -= 1;
-                    }
-                }
-            }
-            if border != start {
-                let (left, right) = (self.sums(a, border), self.sums(border, b));
-                self.runs[index - 1] = Run::new(before.from, offset + border, left, index - 1);
-                self.runs[index] = Run::new(offset + border, after.to, right, index);
-            }
-        }
-    }
-
-    /// Joins runs that one line explains, also over what stands in front of it.
-    fn merge(&mut self, step_rad: f64) {
-        let runs = self.runs.len();
-        let reach = if self.returns.is_all_round() { runs } else { 0 };
-        for head in 0..runs {
-            if self.runs[head].absorbed {
-                continue;
-            }
-            for other in head + 1..runs + reach {
-                let other = if other < runs { other } else { other - runs };
-                if other == head || !self.may_continue(head, other, step_rad) {
-                    break;
-                }
-                if !self.runs[other].absorbed && self.is_one_line(head, other) {
-                    self.join(head, other);
-                }
-            }
-        }
-    }
-
-    /// Whether a run that starts as far round as `other` may still continue `head` within the
-    /// largest gap.
-    fn may_continue(&self, head: usize, other: usize, step_rad: f64) -> bool {
-        let beams = self.returns.beams();
-        let (end, start) = (self.runs[head].chain_end - 1, self.runs[other].from);
-        let near = self.options.common.segmentation.max_gap_m / beams.range_m[end];
-        if near >= 1.0 || start < end {
-            return near >= 1.0 || self.returns.is_all_round();
-        }
-        let steps = self
-            .returns
-            .beam(start)
-            .saturating_sub(self.returns.beam(end));
-        // An arc is longer than its sine; a few beams too many only cost time.
-        f64::from(steps) * step_rad <= near * std::f64::consts::FRAC_PI_2
-    }
-
-    fn is_one_line(&self, head: usize, other: usize) -> bool {
-        let (a, b) = (&self.runs[head], &self.runs[other]);
-        if a.beams.max(b.beams) < MERGE_EVIDENCE {
-            return false;
-        }
-        let beams = self.returns.beams();
-        let (end, start) = (a.chain_end - 1, b.from);
-        let (dy_m, dz_m) = (
-            beams.y_m[start] - beams.y_m[end],
-            beams.z_m[start] - beams.z_m[end],
-        );
-        let options = &self.options.common.segmentation;
-        if dy_m * dy_m + dz_m * dz_m > options.max_gap_m * options.max_gap_m {
-            return false;
-        }
-        let more_m2 = a.sums.plus(&b.sums).cost_m2() - a.cost_m2 - b.cost_m2;
-        more_m2 < self.options.merge_chi2 * options.sigma_m * options.sigma_m
-    }
-
-    fn join(&mut self, head: usize, other: usize) {
-        let tail = self.runs[other];
-        self.runs[other].absorbed = true;
-        let last = self.runs[head].last;
-        self.runs[last].next = Some(other);
-        let run = &mut self.runs[head];
-        run.sums = run.sums.plus(&tail.sums);
-        run.cost_m2 = run.sums.cost_m2();
-        run.beams += tail.beams;
-        run.chain_end = tail.chain_end;
-        run.last = tail.last;
     }
 }
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
-/// Beams without a gain after which a border stays.
-const BORDER_PATIENCE: usize = 3;
-/// Beams that one of two runs must have before they may be merged.
-const MERGE_EVIDENCE: usize = 4;
-
-/// Largest first-order range residual, m. In lanes, so that it goes through vector registers.
-fn largest_residual_m(run: BeamSlice<'_>, line: InverseLine) -> f64 {
-    let mut largest = [0.0f64; LANES];
-    let (r4, r_rest) = run.range_m.as_chunks::<LANES>();
-    let (y4, y_rest) = run.y_m.as_chunks::<LANES>();
-    let (z4, z_rest) = run.z_m.as_chunks::<LANES>();
-    for ((r, y), z) in r4.iter().zip(y4).zip(z4) {
-        for lane in 0..LANES {
-            let e = line.residual_m(r[lane], y[lane], z[lane]).abs();
-            largest[lane] = if e > largest[lane] { e } else { largest[lane] };
-        }
-    }
-    for ((r, y), z) in r_rest.iter().zip(y_rest).zip(z_rest) {
-        largest[0] = largest[0].max(line.residual_m(*r, *y, *z).abs());
-    }
-    largest.iter().fold(0.0, |a, b| a.max(*b))
-}
+/// Borders tried in a long run; a run that is split is searched again, more closely.
+const COARSE_STEPS: usize = 16;
 
 const LANES: usize = 4;
 
 /// Index of the beam farthest from the chord between the run's first and last point.
-fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
+pub(super) fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
     let last = run.len().saturating_sub(1);
     let (y0, z0) = (run.y_m[0], run.z_m[0]);
     let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);
-    let mut farthest = (0, -1.0);
-    for (k, (y, z)) in run.y_m.iter().zip(run.z_m).enumerate() {
-        let off = ((y - y0) * dz - (z - z0) * dy).abs();
-        if off > farthest.1 {
-            farthest = (k, off);
+    let off = |y: f64, z: f64| ((y - y0) * dz - (z - z0) * dy).abs();
+    let mut farthest = [0.0f64; LANES];
+    let (y4, y_rest) = run.y_m.as_chunks::<LANES>();
+    let (z4, z_rest) = run.z_m.as_chunks::<LANES>();
+    for (y, z) in y4.iter().zip(z4) {
+        for lane in 0..LANES {
+            let off = off(y[lane], z[lane]);
+            farthest[lane] = if off > farthest[lane] {
+                off
+            } else {
+                farthest[lane]
+            };
         }
     }
-    farthest.0
+    for (y, z) in y_rest.iter().zip(z_rest) {
+        farthest[0] = farthest[0].max(off(*y, *z));
+    }
+    let farthest = farthest.iter().fold(0.0f64, |a, b| a.max(*b));
+    let points = run.y_m.iter().zip(run.z_m);
+    points
+        .map(|(y, z)| off(*y, *z))
+        .position(|off| off == farthest)
+        .unwrap_or(0)
 }
 
 #[cfg(test)]

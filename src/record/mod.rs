@@ -8,6 +8,7 @@
 //!
 //! Units are SI, angles are radians. A missing number is NaN in memory and an empty field in CSV.
 
+mod beam_fate;
 mod beams;
 mod clock;
 mod columns;
@@ -22,6 +23,7 @@ pub mod text;
 mod time;
 mod trajectory;
 
+pub use beam_fate::BeamFate;
 pub use beams::{BeamTable, ScanMotion};
 pub use clock::ClockExchange;
 pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};

@@ -1,8 +1,8 @@
 //! When a record that could be read is still not a good one.
 
 use crate::record::{
-    ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan, Segment,
-    Status, TrajectoryPoint, Value, ValueError,
+    BeamFate, ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan,
+    Segment, Status, TrajectoryPoint, Value, ValueError,
 };
 use std::fmt;
 
@@ -324,6 +324,12 @@ impl StreamRecord for Segment {
             ("d_m", self.normal.d_m),
             ("alpha_rad", self.normal.alpha_rad),
         ])
+    }
+}
+
+impl StreamRecord for BeamFate {
+    fn check(&self) -> Result<(), BadField> {
+        finite(&[("angle_rad", self.angle_rad)])
     }
 }
 

@@ -1,8 +1,8 @@
 //! What each kind of record looks like from outside, to tell a person which one a file holds.
 
 use crate::record::{
-    ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan, Segment,
-    TrajectoryPoint, Value, Visit,
+    BeamFate, ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan,
+    Segment, TrajectoryPoint, Value, Visit,
 };
 use std::convert::Infallible;
 
@@ -38,6 +38,7 @@ pub(super) fn of_header(names: &[String], wanted: &str) -> Option<&'static str> 
         Match::of::<ImuSample>(names),
         Match::of::<ClockExchange>(names),
         Match::of::<DelayPoint>(names),
+        Match::of::<BeamFate>(names),
     ]
     .into_iter()
     .max_by_key(|found| (found.known, found.whole))

@@ -49,7 +49,7 @@ pub(super) enum Residual {
 /// Iteratively reweighted least squares; a single pass without a robust loss. The loss judges by
 /// the residual in the range, which is what the noise is in.
 pub(super) fn fit(
-    start: NormalLine,
+    start: InverseLine,
     beams: BeamSlice<'_>,
     sigma_m: f64,
     residual: Residual,
@@ -58,12 +58,7 @@ pub(super) fn fit(
     let line = if loss == Loss::Squares {
         residual.best(&Moments::over(beams, |_, _, _| 1.0))?
     } else {
-        let (sin, cos) = start.alpha_rad.sin_cos();
-        let inverse = InverseLine {
-            a: cos / start.d_m,
-            b: sin / start.d_m,
-        };
-        let mut line = range::huber(inverse, beams, sigma_m)?.normal();
+        let mut line = range::huber(start, beams, sigma_m)?.normal();
         for _ in 0..MAX_STEPS {
             let (sin, cos) = line.alpha_rad.sin_cos();
             let weight = |r: f64, y: f64, z: f64| {

@@ -25,9 +25,9 @@ mod tests;
 pub use cartesian::Axis;
 pub use loss::Loss;
 pub use range::fit_from;
-pub use sums::{InverseLine, InverseRangeSums};
+pub use sums::{InverseLine, InverseRangeSums, PrefixSums};
 
-use crate::record::{FittedLine, NormalLine};
+use crate::record::FittedLine;
 
 /// Beams to fit, as parallel arrays; the points are in the scan plane of S.
 #[derive(Clone, Debug, Default)]
@@ -56,6 +56,13 @@ impl Beams {
         self.range_m.push(range_m);
         self.y_m.push(y_m);
         self.z_m.push(z_m);
+    }
+
+    /// Adds a run of beams.
+    pub fn extend(&mut self, beams: BeamSlice<'_>) {
+        self.range_m.extend_from_slice(beams.range_m);
+        self.y_m.extend_from_slice(beams.y_m);
+        self.z_m.extend_from_slice(beams.z_m);
     }
 
     /// All beams.
@@ -123,7 +130,7 @@ impl<'a> BeamSlice<'a> {
 }
 
 /// Squared sine of the angle between two directions below which they count as one.
-const DEGENERATE: f64 = 1e-13;
+pub(super) const DEGENERATE: f64 = 1e-13;
 
 /// What a line is fitted by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -145,7 +152,7 @@ pub enum Estimator {
 pub fn fit(beams: BeamSlice<'_>, sigma_m: f64, loss: Loss) -> Option<FittedLine> {
     let start = beams.iter().collect::<InverseRangeSums>().line()?;
     match loss {
-        Loss::Squares => fit_from(start.normal(), beams, sigma_m),
+        Loss::Squares => fit_from(start, beams, sigma_m),
         robust => range::fit_robust(start, beams, sigma_m, robust),
     }
 }
@@ -155,7 +162,7 @@ pub fn fit(beams: BeamSlice<'_>, sigma_m: f64, loss: Loss) -> Option<FittedLine>
 /// The covariance is that of the estimator for noise in the ranges, not the one which it would have
 /// under the noise that it assumes.
 pub fn fit_near(
-    start: NormalLine,
+    start: InverseLine,
     beams: BeamSlice<'_>,
     sigma_m: f64,
     estimator: Estimator,
@@ -163,7 +170,7 @@ pub fn fit_near(
 ) -> Option<FittedLine> {
     match (estimator, loss) {
         (Estimator::MaximumLikelihood, Loss::Squares) => fit_from(start, beams, sigma_m),
-        (Estimator::MaximumLikelihood, _) => fit(beams, sigma_m, loss),
+        (Estimator::MaximumLikelihood, _) => range::fit_robust(start, beams, sigma_m, loss),
         (Estimator::TotalLeastSquares, _) => {
             cartesian::fit(start, beams, sigma_m, cartesian::Residual::Orthogonal, loss)
         }

@@ -4,14 +4,15 @@ use super::{BeamSlice, DEGENERATE, InverseLine, InverseRangeSums, Loss};
 use crate::record::{FittedLine, NormalLine};
 
 /// Least squares in the ranges from a near start, such as a closed form's line.
-pub fn fit_from(start: NormalLine, beams: BeamSlice<'_>, sigma_m: f64) -> Option<FittedLine> {
-    // A step of 3 % of the estimate's own uncertainty leaves an error far below that: what
-    // remains is of second order.
-    let small_m2 = 1e-3 * sigma_m * sigma_m;
-    let (normal, equations) = gauss_newton(start, small_m2, |line| {
+pub fn fit_from(start: InverseLine, beams: BeamSlice<'_>, sigma_m: f64) -> Option<FittedLine> {
+    // A step of a third of the estimate's own uncertainty leaves an error far below that: a step
+    // shrinks by about sigma / d.
+    let small_m2 = 0.1 * sigma_m * sigma_m;
+    let (normal, equations, gain_m2) = gauss_newton(start, small_m2, |line| {
         NormalEquations::over(beams, line, |_| 1.0)
     })?;
-    let rms_m = (equations.squares / beams.len() as f64).sqrt();
+    let squares_m2 = (equations.squares - gain_m2).max(0.0);
+    let rms_m = (squares_m2 / beams.len() as f64).sqrt();
     fitted(normal, &equations, sigma_m, 1.0, beams.len(), rms_m)
 }
 
@@ -24,12 +25,12 @@ pub(super) fn fit_robust(
     let start = huber(start, beams, sigma_m)?;
     // Reweighting converges linearly only.
     let small_m2 = 1e-8 * sigma_m * sigma_m;
-    let (normal, _) = gauss_newton(start.normal(), small_m2, |line| {
+    let (normal, ..) = gauss_newton(start, small_m2, |line| {
         NormalEquations::over(beams, line, |e| loss.weight(e / sigma_m))
     })?;
     let limit_m = loss.limit_m(sigma_m);
     let inlier = |e: f64| f64::from(u8::from(e.abs() <= limit_m));
-    let inliers = NormalEquations::over(beams, normal, inlier);
+    let inliers = NormalEquations::over(beams, Direct::from(normal), inlier);
     let rms_m = (inliers.squares / inliers.weight).sqrt();
     let factor = loss.variance_factor();
     fitted(
@@ -79,12 +80,8 @@ impl NormalEquations {
     /// Sums over all beams; `weight_of` gives a residual's (m) weight. In four lanes, so that the
     /// divisions, one a beam, go through vector registers.
     #[inline]
-    fn over(
-        beams: BeamSlice<'_>,
-        line: NormalLine,
-        weight_of: impl Fn(f64) -> f64,
-    ) -> NormalEquations {
-        let (sin, cos) = line.alpha_rad.sin_cos();
+    fn over(beams: BeamSlice<'_>, line: Direct, weight_of: impl Fn(f64) -> f64) -> NormalEquations {
+        let Direct { d_m, sin, cos } = line;
         let mut lanes = [[0.0f64; LANES]; 7];
         let mut add = |lane: usize, r: f64, y: f64, z: f64| {
             let p = y * cos + z * sin;
@@ -92,8 +89,8 @@ impl NormalEquations {
             // A beam that does not meet the line has no say in where it is.
             let inverse = if p > 1e-9 * r { 1.0 / p } else { 0.0 };
             let k = r * inverse;
-            let e = r - line.d_m * k;
-            let j = -line.d_m * k * q * inverse;
+            let e = r - d_m * k;
+            let j = -d_m * k * q * inverse;
             let w = weight_of(e);
             lanes[0][lane] += w * k * k;
             lanes[1][lane] += w * k * j;
@@ -143,27 +140,52 @@ impl NormalEquations {
 
 const LANES: usize = 4;
 
+/// A line by its distance, m, and the sine and cosine of its normal's direction.
+#[derive(Clone, Copy, Debug)]
+struct Direct {
+    d_m: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl From<NormalLine> for Direct {
+    fn from(line: NormalLine) -> Direct {
+        let (sin, cos) = line.alpha_rad.sin_cos();
+        Direct {
+            d_m: line.d_m,
+            sin,
+            cos,
+        }
+    }
+}
+
 /// Steps until one is short: its squared length in units of the estimate's own uncertainty, times
-/// sigma^2, is at most `small_m2`. The equations returned are those at the last step's start.
+/// sigma^2, is at most `small_m2`. The equations returned are those at the last step's start; the
+/// step takes the last value off their sum of squares.
 fn gauss_newton(
-    start: NormalLine,
+    start: InverseLine,
     small_m2: f64,
-    equations_at: impl Fn(NormalLine) -> NormalEquations,
-) -> Option<(NormalLine, NormalEquations)> {
-    let mut line = start;
+    equations_at: impl Fn(Direct) -> NormalEquations,
+) -> Option<(NormalLine, NormalEquations, f64)> {
+    let d_m = 1.0 / start.a.hypot(start.b);
+    let mut line = Direct {
+        d_m,
+        sin: start.b * d_m,
+        cos: start.a * d_m,
+    };
+    let mut alpha_rad = start.b.atan2(start.a);
     for _ in 0..MAX_STEPS {
         let equations = equations_at(line);
         let (d, a, length2) = equations.step()?;
-        line = NormalLine {
-            d_m: line.d_m + d,
-            alpha_rad: line.alpha_rad + a,
-        };
-        if !(line.d_m.is_finite() && line.alpha_rad.is_finite()) {
+        line.d_m += d;
+        alpha_rad += a;
+        if !(line.d_m.is_finite() && alpha_rad.is_finite()) {
             return None;
         }
         if length2 <= small_m2 {
-            return Some((NormalLine::new(line.d_m, line.alpha_rad), equations));
+            return Some((NormalLine::new(line.d_m, alpha_rad), equations, length2));
         }
+        (line.sin, line.cos) = alpha_rad.sin_cos();
     }
     None
 }

@@ -1,6 +1,6 @@
 //! The closed form: `1/r = A cos(theta) + B sin(theta)` by six sums.
 
-use super::DEGENERATE;
+use super::{BeamSlice, DEGENERATE};
 use crate::record::NormalLine;
 
 /// A line as `A y + B z = 1`: A = cos(alpha) / d, B = sin(alpha) / d, in 1/m.
@@ -24,7 +24,39 @@ impl InverseLine {
     pub fn residual_m(self, range_m: f64, y_m: f64, z_m: f64) -> f64 {
         range_m * (self.a * y_m + self.b * z_m - 1.0)
     }
+
+    /// Largest residual of all beams to first order, m. In lanes, so that it goes through vector
+    /// registers.
+    pub fn largest_residual_m(self, beams: BeamSlice<'_>) -> f64 {
+        let mut largest = [0.0f64; LANES];
+        let (r4, r_rest) = beams.range_m.as_chunks::<LANES>();
+        let (y4, y_rest) = beams.y_m.as_chunks::<LANES>();
+        let (z4, z_rest) = beams.z_m.as_chunks::<LANES>();
+        for ((r, y), z) in r4.iter().zip(y4).zip(z4) {
+            for lane in 0..LANES {
+                let e = self.residual_m(r[lane], y[lane], z[lane]).abs();
+                largest[lane] = if e > largest[lane] { e } else { largest[lane] };
+            }
+        }
+        for ((r, y), z) in r_rest.iter().zip(y_rest).zip(z_rest) {
+            largest[0] = largest[0].max(self.residual_m(*r, *y, *z).abs());
+        }
+        largest.iter().fold(0.0, |a, b| a.max(*b))
+    }
 }
+
+impl From<NormalLine> for InverseLine {
+    /// A line through the scanner has none; its values are infinite.
+    fn from(line: NormalLine) -> InverseLine {
+        let (sin, cos) = line.alpha_rad.sin_cos();
+        InverseLine {
+            a: cos / line.d_m,
+            b: sin / line.d_m,
+        }
+    }
+}
+
+const LANES: usize = 4;
 
 /// Weighted sums of the 1/r problem over a set of beams. Sums of disjoint sets add up.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,6 +111,12 @@ impl InverseRangeSums {
         }
     }
 
+    /// The sums of y^2, y z, z^2, y, z and 1, all with their weights.
+    #[inline]
+    pub fn parts(&self) -> [f64; 6] {
+        [self.yy, self.yz, self.zz, self.y, self.z, self.one]
+    }
+
     /// The best line; none for fewer than two directions.
     #[inline]
     pub fn line(&self) -> Option<InverseLine> {
@@ -113,5 +151,47 @@ impl FromIterator<(f64, f64, f64)> for InverseRangeSums {
             sums.add(range_m, y_m, z_m, 1.0);
         }
         sums
+    }
+}
+
+/// Sums over the beams before each beam of a group: those of any run in O(1).
+#[derive(Clone, Debug, Default)]
+pub struct PrefixSums {
+    before: Vec<InverseRangeSums>,
+}
+
+impl PrefixSums {
+    /// Takes in a group, in place of the one before. Sums start anew with every group, because the
+    /// weights of near and far surfaces differ by many decades.
+    pub fn read(&mut self, group: BeamSlice<'_>) {
+        self.before.clear();
+        let mut sums = InverseRangeSums::default();
+        self.before.push(sums);
+        self.before.extend(group.iter().map(|(range_m, y_m, z_m)| {
+            sums.add(range_m, y_m, z_m, 1.0);
+            sums
+        }));
+    }
+
+    /// Sums over the beams before `to`.
+    #[inline]
+    pub fn before(&self, to: usize) -> &InverseRangeSums {
+        &self.before[to]
+    }
+
+    /// Sums over beams `from..to`.
+    #[inline]
+    pub fn between(&self, from: usize, to: usize) -> InverseRangeSums {
+        self.before[to].minus(&self.before[from])
+    }
+
+    /// Sum of squared residuals of the best line through beams `from..to`, m^2.
+    #[inline]
+    pub fn cost_m2(&self, from: usize, to: usize) -> f64 {
+        // Two beams or one contradict no line, but for rounding.
+        if to - from < 3 {
+            return 0.0;
+        }
+        self.between(from, to).cost_m2()
     }
 }

@@ -1,7 +1,7 @@
 //! Records that have no standard message: one topic of our own type each.
 
 use super::{Bodies, Message, Messages, Topic, definitions, every};
-use crate::record::{ClockExchange, DelayPoint, ReflectorLines, Segment};
+use crate::record::{BeamFate, ClockExchange, DelayPoint, ReflectorLines, Segment};
 use crate::stream::check::{BadField, StreamRecord};
 use crate::stream::{Role, cdr};
 
@@ -57,6 +57,12 @@ plain!(
     "/segments",
     "cablepose_msgs/msg/Segment",
     sequence = |segment| Some(segment.seq)
+);
+plain!(
+    BeamFate,
+    "/beam_fates",
+    "cablepose_msgs/msg/BeamFate",
+    sequence = |beam| Some(beam.seq)
 );
 plain!(
     DelayPoint,

@@ -9,10 +9,15 @@ use crate::lines::hough::{
     FastHough, FastHoughOptions, Hough, HoughOptions, ModifiedHough, ModifiedHoughOptions,
     WindowSize,
 };
+use crate::lines::iepf::{Iepf, IepfOptions};
+use crate::lines::incremental::{Incremental, IncrementalOptions};
+use crate::lines::known_lines::SecondLook;
+use crate::lines::line_regression::{LineRegression, LineRegressionOptions};
+use crate::lines::ml::{Ml, MlOptions};
 use crate::lines::ransac::{Ransac, RansacOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
-use crate::record::{NormalLine, Scan, Segment};
+use crate::record::{BeamFate, NormalLine, Scan, Segment};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
 use std::path::Path;
 
@@ -45,6 +50,9 @@ pub(super) struct GeneralArgs {
     /// What counts as a jump between two surfaces [default: adaptive]
     #[arg(long, value_enum, value_name = "RULE")]
     segment: Option<Segmentation>,
+    /// What becomes of a wall through the first and last beam of an all-round scan [default: join]
+    #[arg(long, value_enum, value_name = "WHAT")]
+    seam: Option<Seam>,
     /// What a line is fitted by [default: ml]
     #[arg(long, value_enum, value_name = "ESTIMATOR")]
     fit: Option<Fit>,
@@ -54,6 +62,12 @@ pub(super) struct GeneralArgs {
     /// What large residuals count for in the fit [default: none]
     #[arg(long, value_enum, value_name = "LOSS")]
     loss: Option<LossName>,
+    /// How uneven a wall may be and still be one line, for --method ml [default: 11]
+    #[arg(long, value_name = "MM", value_parser = not_negative)]
+    flatness_mm: Option<f64>,
+    /// Write what became of every beam, a row a beam, instead of the lines
+    #[arg(long)]
+    explain: bool,
     /// Seed of the methods that draw at random [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -72,10 +86,18 @@ enum Segmentation {
     Jump,
     /// Successive edge following: neighbouring ranges that differ by more than 0.3 m
     Sef,
-    /// A point further off than a surface seen at 10 deg would put it (Borges and Aldon)
+    /// A point further off than a surface seen at 5 deg would put it (Borges and Aldon)
     Adaptive,
     /// A point further off than the line expected there would put it (Kurniawan 2017, eq. 4.19)
     Reflector,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Seam {
+    /// It is one line
+    Join,
+    /// It is cut in two
+    Cut,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -111,9 +133,12 @@ impl GeneralArgs {
             (self.max_gap_m.is_some(), "--max-gap-m"),
             (self.cluster.is_some(), "--cluster"),
             (self.segment.is_some(), "--segment"),
+            (self.seam.is_some(), "--seam"),
             (self.fit.is_some(), "--fit"),
             (self.axis.is_some(), "--axis"),
             (self.loss.is_some(), "--loss"),
+            (self.flatness_mm.is_some(), "--flatness-mm"),
+            (self.explain, "--explain"),
             (self.seed.is_some(), "--seed"),
         ];
         options
@@ -159,6 +184,7 @@ impl GeneralArgs {
                 cut,
                 sigma_m: self.sigma_mm.unwrap_or(6.5) / 1000.0,
                 max_gap_m: self.max_gap_m.unwrap_or(0.5),
+                cut_at_seam: self.seam == Some(Seam::Cut),
                 ..default.segmentation
             },
             estimator,
@@ -166,6 +192,7 @@ impl GeneralArgs {
             min_points: self.min_points.map_or(default.min_points, |n| n as usize),
             min_length_m: self.min_length_m.unwrap_or(default.min_length_m),
             seed: self.seed.unwrap_or(default.seed),
+            explain: self.explain,
             ..default
         })
     }
@@ -173,6 +200,26 @@ impl GeneralArgs {
     /// The extractor of a method; none for the reflectors, which are no general scene.
     fn extractor(&self, method: Method, window: WindowSize) -> Result<Box<dyn Extractor>, Fault> {
         let common = self.options()?;
+        let second = self.extractor_with(method, common, window)?;
+        if common.segmentation.cut != Cut::Reflector {
+            return Ok(second);
+        }
+        let mut first = common;
+        first.segmentation.cut = Cut::Adaptive;
+        let first = self.extractor_with(method, first, window)?;
+        Ok(Box::new(SecondLook::new(first, second)))
+    }
+
+    fn extractor_with(
+        &self,
+        method: Method,
+        common: ExtractorOptions,
+        window: WindowSize,
+    ) -> Result<Box<dyn Extractor>, Fault> {
+        if self.flatness_mm.is_some() && method != Method::Ml {
+            let text = "--flatness-mm belongs to --method ml";
+            return Err(Fault::Usage(text.to_owned()));
+        }
         let hough = HoughOptions {
             common,
             ..HoughOptions::default()
@@ -182,6 +229,28 @@ impl GeneralArgs {
                 common,
                 ..SplitAndMergeOptions::default()
             }))),
+            Method::Iepf => Ok(Box::new(Iepf::new(IepfOptions {
+                common,
+                ..IepfOptions::default()
+            }))),
+            Method::Incremental => Ok(Box::new(Incremental::new(IncrementalOptions {
+                common,
+                ..IncrementalOptions::default()
+            }))),
+            Method::LineRegression => Ok(Box::new(LineRegression::new(LineRegressionOptions {
+                common,
+                ..LineRegressionOptions::default()
+            }))),
+            Method::Ml => {
+                let default = MlOptions::default();
+                Ok(Box::new(Ml::new(MlOptions {
+                    common,
+                    flatness_m: self
+                        .flatness_mm
+                        .map_or(default.flatness_m, |mm| mm / 1000.0),
+                    ..default
+                })))
+            }
             Method::Hough => Ok(Box::new(Hough::new(hough))),
             Method::FastHough => Ok(Box::new(FastHough::new(FastHoughOptions {
                 common,
@@ -225,6 +294,13 @@ pub(super) fn run(
         follows: method == Method::ModifiedHough,
         lines: Vec::new(),
     };
+    if settings.explain {
+        let mut stage = Explain {
+            general: stage,
+            row: BeamFate::default(),
+        };
+        return stream::filter(options, input, &mut stage);
+    }
     stream::filter(options, input, &mut stage)
 }
 
@@ -245,24 +321,68 @@ struct General {
     lines: Vec<NormalLine>,
 }
 
+impl General {
+    fn extract(&mut self, scan: &Scan) {
+        self.extractor.extract(scan, &mut self.segments);
+        if self.follows {
+            self.lines.clear();
+            self.lines.extend(self.segments.iter().map(|s| s.normal));
+            self.extractor.expect(&self.lines);
+        }
+    }
+}
+
 impl Stage for General {
     type In = Scan;
     type Out = Segment;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, Segment>) -> anyhow::Result<()> {
-        self.extractor.extract(scan, &mut self.segments);
+        self.extract(scan);
         for segment in &self.segments {
             emit.write(segment)?;
-        }
-        if self.follows {
-            self.lines.clear();
-            self.lines.extend(self.segments.iter().map(|s| s.normal));
-            self.extractor.expect(&self.lines);
         }
         Ok(())
     }
 
     fn finish(&mut self, _emit: &mut Emit<'_, Segment>) -> anyhow::Result<Outcome> {
         Ok(Outcome::Done)
+    }
+}
+
+/// Scans in, what became of each beam out.
+struct Explain {
+    general: General,
+    row: BeamFate,
+}
+
+impl Stage for Explain {
+    type In = Scan;
+    type Out = BeamFate;
+
+    fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<()> {
+        self.general.extract(scan);
+        (self.row.stamp, self.row.seq) = (scan.stamp, scan.seq);
+        let fates = self.general.extractor.fates().iter();
+        for (beam, (fate, range_m)) in fates.zip(scan.ranges_m.iter()).enumerate() {
+            self.row.beam = beam as u32;
+            self.row.angle_rad = scan.angle_rad(beam);
+            self.row.range_m = *range_m;
+            self.row.fate.clear();
+            self.row.fate.push_str(fate.name());
+            self.row.line = fate.line();
+            emit.write(&self.row)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<Outcome> {
+        Ok(Outcome::Done)
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number of at least 0 is wanted".to_owned()),
     }
 }

@@ -98,6 +98,10 @@ EXAMPLES
     extract-lines -f frame.toml --smooth scans.csv > lines.csv
   A scanner with 15 mm of noise, only lines of a metre or more:
     extract-lines --sigma-mm 15 --min-length-m 1 scans.csv > segments.csv
+  The most likely lines, whatever it takes:
+    extract-lines --method ml scans.csv > segments.csv
+  Why a wall is not found: how many beams met which fate:
+    extract-lines --explain scans.csv | cut -d, -f6 | sort | uniq -c
   MCAP in, MCAP out, scans and segments together:
     extract-lines --method split-and-merge run.mcap -o segments.mcap";
 

@@ -1,0 +1,115 @@
+//! Iterative end point fit (Ramer 1972, Douglas & Peucker 1973): a group is split at the point
+//! farthest from the chord between its ends, again and again, until no point is far.
+//!
+//! Collinear neighbours are joined afterwards ([`super::runs`]), which makes it the split-and-merge
+//! of the comparison by Nguyen et al. (2005); Kurniawan 2017, section 4.3.1.
+
+use super::assembly::Assembly;
+use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::fit::{BeamSlice, PrefixSums};
+use super::runs::{MergeRule, Runs};
+use super::segmentation::Returns;
+use super::split_and_merge::farthest_from_chord;
+use crate::record::{NormalLine, Scan, Segment};
+
+/// Settings of the extractor. The defaults suit an LMS500.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IepfOptions {
+    /// What all extractors share.
+    pub common: ExtractorOptions,
+    /// A run is split at a point that is this many sigmas off its chord.
+    pub split_sigmas: f64,
+    /// Chi-square by which a common line may be worse than two, for runs to be joined.
+    pub merge_chi2: f64,
+}
+
+impl Default for IepfOptions {
+    fn default() -> Self {
+        IepfOptions {
+            common: ExtractorOptions::default(),
+            split_sigmas: 4.5,
+            merge_chi2: 13.8,
+        }
+    }
+}
+
+/// The extractor: its settings and buffers.
+#[derive(Clone, Debug, Default)]
+pub struct Iepf {
+    /// The settings; may be changed between scans.
+    pub options: IepfOptions,
+    returns: Returns,
+    prefix: PrefixSums,
+    pending: Vec<(usize, usize)>,
+    runs: Runs,
+    assembly: Assembly,
+}
+
+impl Iepf {
+    /// An extractor with the given settings.
+    pub fn new(options: IepfOptions) -> Iepf {
+        Iepf {
+            options,
+            ..Iepf::default()
+        }
+    }
+
+    fn split(&mut self, group: BeamSlice<'_>, offset: usize) {
+        self.prefix.read(group);
+        let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
+        self.pending.clear();
+        self.pending.push((0, group.len()));
+        while let Some((a, b)) = self.pending.pop() {
+            let run = group.run(a, b);
+            let farthest = farthest_from_chord(run);
+            if run.len() > 2 && from_chord_m(run, farthest) > limit_m {
+                let corner = (a + farthest).clamp(a + 1, b - 1);
+                // The left half is taken up first, so that runs come out in beam order.
+                self.pending.push((corner, b));
+                self.pending.push((a, corner));
+            } else {
+                let sums = self.prefix.between(a, b);
+                self.runs.push(offset + a, offset + b, sums);
+            }
+        }
+    }
+}
+
+/// Distance of beam `k` from the chord between the run's ends, m.
+fn from_chord_m(run: BeamSlice<'_>, k: usize) -> f64 {
+    let last = run.len() - 1;
+    let (y0, z0) = (run.y_m[0], run.z_m[0]);
+    let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);
+    let (y, z) = (run.y_m[k] - y0, run.z_m[k] - z0);
+    let chord_m = dy.hypot(dz);
+    if chord_m > 0.0 {
+        (y * dz - z * dy).abs() / chord_m
+    } else {
+        y.hypot(z)
+    }
+}
+
+impl Extractor for Iepf {
+    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
+        let options = self.options.common;
+        self.returns.read(scan, &options.segmentation);
+        self.runs.clear();
+        let returns = std::mem::take(&mut self.returns);
+        for (from, to) in returns.groups() {
+            self.split(returns.beams().run(from, to), from);
+        }
+        self.returns = returns;
+        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
+        self.runs.merge(&self.returns, &rule);
+        self.assembly
+            .add_all(scan, &self.returns, &self.runs, &options, out);
+    }
+
+    fn fates(&self) -> &[Fate] {
+        self.assembly.fates()
+    }
+
+    fn expect(&mut self, lines: &[NormalLine]) {
+        self.returns.expect(lines);
+    }
+}
