@@ -144,8 +144,8 @@ fn gross_outliers_cost_little() {
 
 #[test]
 fn small_outliers_cost_some() {
-    // And 2 to 5 cm in front: bolt heads, cables, dirt.
+    // And 2 to 5 cm in front: bolt heads, cables, dirt. In part they pass for noise.
     let (ratio, nees) = score(0.1, Uniform::new(-0.05, -0.02).unwrap());
-    println!("small outliers: {ratio:.3} of the bound, NEES {nees:.2}");
-    assert!(ratio < 1.35, "{ratio}");
+    assert!(ratio < 1.5, "{ratio}");
+    assert!((0.7..1.3).contains(&nees), "{nees}");
 }
