@@ -1,6 +1,6 @@
 //! What every beam met: a strip's face, what is behind it, something in between, or nobody knows.
 
-use super::components;
+use super::{components, footprint};
 use crate::frame::Frame;
 use crate::record::{BeamTable, ReflectorLines, Scan};
 
@@ -20,6 +20,12 @@ const SHORT_MIN_M: f64 = 0.030;
 /// this share of the gap.
 const SUPPORT_BEAMS: usize = 4;
 const SUPPORT_SHARE: f64 = 0.15;
+
+/// A mixed pixel's range is the centre of gravity of the pulse's two parts. The part from behind
+/// weighs as the surface there reflects, from this much of what the strip does to that much.
+const BEHIND_WEIGHT: [f64; 2] = [0.4, 1.1];
+/// What its range, as a share of the way to the surface behind, may be off.
+const MIXED_SLACK: f64 = 0.03;
 
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -266,23 +272,23 @@ pub(super) struct Transition {
     pub onto_strip: bool,
     /// The face.
     pub face: u8,
-    /// First and last mixed pixel between the two.
-    pub mixed: Option<(usize, usize)>,
+    /// Whether mixed pixels are between the two.
+    pub mixed: bool,
 }
 
 /// Reports a transition wherever the last sure state changes on a face.
 pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
     let mut last: Option<(usize, State)> = None;
-    let mut mixed: Option<(usize, usize)> = None;
+    let mut mixed = false;
     let mut face = NO_FACE;
     for (i, beam) in beams.iter().enumerate() {
         if beam.face != face {
-            (last, mixed, face) = (None, None, beam.face);
+            (last, mixed, face) = (None, false, beam.face);
         }
         match beam.state {
             State::Hit | State::Gap => {}
             State::Mixed | State::Both => {
-                mixed = Some((mixed.map_or(i, |(first, _)| first), i));
+                mixed = true;
                 continue;
             }
             State::Unknown => continue,
@@ -298,6 +304,21 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
             });
         }
         last = Some((i, beam.state));
-        mixed = None;
+        mixed = false;
     }
+}
+
+/// How far a mixed pixel's spot has its centre inside the strip, in spot radii, at least and at
+/// most; `way` is its range as a share of the way from the strip to the surface behind.
+pub(super) fn mixed_reach(way: f64) -> [f64; 2] {
+    let inside = |way: f64, weight: f64| {
+        let way = way.clamp(0.0, 1.0);
+        // way = weight (1 - f) / (f + weight (1 - f)), f the share of the spot on the strip.
+        let on_strip = weight * (1.0 - way);
+        footprint::centre(on_strip / (way + on_strip))
+    };
+    [
+        inside(way + MIXED_SLACK, BEHIND_WEIGHT[0]),
+        inside(way - MIXED_SLACK, BEHIND_WEIGHT[1]),
+    ]
 }

@@ -21,6 +21,21 @@ pub(super) fn share(q: f64) -> (f64, f64) {
     }
 }
 
+/// The inverse of [`share`]: the distance inside the line at which a unit disc has this share of
+/// itself there.
+pub(super) fn centre(wanted: f64) -> f64 {
+    let (mut low, mut high) = (-1.0, 1.0);
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if share(middle).0 < wanted {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// The beam's spot, a uniform disc across it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {

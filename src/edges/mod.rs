@@ -15,12 +15,15 @@ mod photometry;
 use crate::frame::Frame;
 use crate::record::{BeamTable, Edge, EdgeKind, Face, NormalLine, ReflectorLines, Scan};
 use association::Association;
-use classification::Beam;
+use classification::{Beam, State};
 use photometer::{Photometer, View};
 
-/// A mixed pixel's range is pulled out of both tolerances only if its spot covers both surfaces by
-/// some per cent; then its centre is within this many spot radii of the edge.
-const MIXED_REACH: f64 = 0.85;
+/// A spot that came back from both surfaces as two echoes covers both by some per cent: its centre is
+/// within this many spot radii of the edge.
+const BOTH_REACH: f64 = 0.85;
+
+/// More mixed pixels in a row than this are not those of an edge.
+const MIXED_RUN: usize = 3;
 
 /// Faces as [`Beam`] numbers them.
 const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
@@ -31,8 +34,8 @@ struct Found {
     edge: Edge,
     /// The last sure beam before it and the first behind it.
     beams: (usize, usize),
-    /// Angles of the first and last mixed pixel between the two, rad.
-    mixed: Option<(f64, f64)>,
+    /// Whether mixed pixels are between the two.
+    mixed: bool,
 }
 
 /// Measures the strip edges, scan after scan.
@@ -87,13 +90,11 @@ impl EdgeMeter {
                     ..Edge::default()
                 },
                 beams: at.beams,
-                mixed: at
-                    .mixed
-                    .map(|(first, last)| (seen_rad(first), seen_rad(last))),
+                mixed: at.mixed,
             });
         });
         let pose = self.association.assign(&self.frame, lines, found);
-        tighten(found);
+        tighten(found, beams, table);
         if let Some(pose) = pose {
             let view = View {
                 scan,
@@ -110,17 +111,36 @@ impl EdgeMeter {
 }
 
 /// Draws an interval that holds mixed pixels closer around them.
-fn tighten(found: &mut [Found]) {
-    for Found { edge, mixed, .. } in found {
-        let Some((first_rad, last_rad)) = *mixed else {
-            continue;
-        };
-        let reach_rad = MIXED_REACH * edge.d_threshold.abs();
-        if edge.strip < 0 || !(reach_rad > 0.0) {
+fn tighten(found: &mut [Found], beams: &[Beam], table: &BeamTable) {
+    for Found {
+        edge,
+        beams: (before, behind),
+        mixed,
+    } in found
+    {
+        let out_rad = edge.d_threshold;
+        if !*mixed || edge.strip < 0 || !(out_rad.abs() > 0.0) {
             continue;
         }
-        let from_rad = edge.from_rad.max(last_rad - reach_rad);
-        let to_rad = edge.to_rad.min(first_rad + reach_rad);
+        // Beside a cable or a cargo a range between the two may be of anything.
+        let between = beams.get(*before + 1..*behind).unwrap_or_default();
+        let clear = |b: &Beam| matches!(b.state, State::Mixed | State::Both);
+        if between.len() > MIXED_RUN || !between.iter().all(clear) {
+            continue;
+        }
+        let (mut from_rad, mut to_rad) = (edge.from_rad, edge.to_rad);
+        for (i, beam) in (*before + 1..).zip(between) {
+            let [low, high] = match beam.state {
+                State::Mixed => classification::mixed_reach(beam.excess_m / beam.depth_m),
+                State::Both => [-BOTH_REACH, BOTH_REACH],
+                _ => continue,
+            };
+            // The boundary is further out than the spot's centre by as much as that is inside.
+            let seen_rad = table.seen_rad(i, beam.face_m);
+            let (a_rad, b_rad) = (seen_rad + low * out_rad, seen_rad + high * out_rad);
+            from_rad = from_rad.max(a_rad.min(b_rad));
+            to_rad = to_rad.min(a_rad.max(b_rad));
+        }
         if from_rad < to_rad {
             (edge.from_rad, edge.to_rad) = (from_rad, to_rad);
         }

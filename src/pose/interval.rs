@@ -20,6 +20,9 @@ pub struct BoxFactor<const N: usize> {
     pub high: f64,
     /// Standard deviation of the blur.
     pub softness: f64,
+    /// Probability that the form lies outside after all: then it does by no more than the box is
+    /// wide.
+    pub doubt: f64,
 }
 
 /// The Gaussian factor along a box's form that stands for the box: precision, and precision times
@@ -83,29 +86,52 @@ pub fn propagate<const N: usize>(
     }
 }
 
-/// Mean and variance of a Gaussian restricted to a softened box.
+/// Mean and variance of a Gaussian restricted to a softened box that is not beyond doubt.
 fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) -> (f64, f64) {
-    let s = (variance + factor.softness * factor.softness).sqrt();
-    let high = (factor.high - mean) / s;
-    let low = (factor.low - mean) / s;
-    let mass = normal_between(low, high);
-    if mass < 1e-12 {
+    let soft = factor.softness * factor.softness;
+    let s = (variance + soft).sqrt();
+    let moments = |low: f64, high: f64| {
+        let (low, high) = ((low - mean) / s, (high - mean) / s);
+        let mass = normal_between(low, high);
+        let (n_low, n_high) = (normal_density(low), normal_density(high));
+        let first = (n_low - n_high) / mass;
+        let second = (tail(low, n_low) - tail(high, n_high)) / mass;
+        let within = variance + variance * variance / (s * s) * (second - first * first);
+        (mass, variance * first / s, within)
+    };
+    let (mut mass, mut step, mut within) = moments(factor.low, factor.high);
+    if factor.doubt > 0.0 && mass < DOUBTED {
+        let width = factor.high - factor.low;
+        let (wide_mass, wide_step, wide_within) = moments(factor.low - width, factor.high + width);
+        let (sure, doubted) = ((1.0 - factor.doubt) * mass, factor.doubt * wide_mass);
+        if sure + doubted > LEAST_MASS && wide_mass > LEAST_MASS {
+            let share = doubted / (sure + doubted);
+            if mass > LEAST_MASS {
+                let apart = wide_step - step;
+                within += share * (wide_within - within) + share * (1.0 - share) * apart * apart;
+                step += share * apart;
+            } else {
+                (step, within) = (wide_step, wide_within);
+            }
+            mass = sure + doubted;
+        }
+    }
+    if mass < LEAST_MASS {
         // The box is far out in the tail: all of it is at the nearer bound.
         let bound = if mean > factor.high {
             factor.high
         } else {
             factor.low
         };
-        let soft = factor.softness * factor.softness;
         return (bound, variance * soft / (variance + soft));
     }
-    let (n_low, n_high) = (normal_density(low), normal_density(high));
-    let first = (n_low - n_high) / mass;
-    let second = (tail(low, n_low) - tail(high, n_high)) / mass;
-    let new_mean = mean + variance * first / s;
-    let new_variance = variance + variance * variance / (s * s) * (second - first * first);
-    (new_mean, new_variance.clamp(variance * 1e-9, variance))
+    (mean + step, within.clamp(variance * 1e-9, variance))
 }
+
+/// A box that holds this share of the Gaussian is not doubted.
+const DOUBTED: f64 = 0.3;
+/// A smaller share of the Gaussian is lost in rounding.
+const LEAST_MASS: f64 = 1e-12;
 
 /// x N(x), which goes to zero at infinity.
 fn tail(x: f64, density: f64) -> f64 {
@@ -132,15 +158,17 @@ mod tests {
     use super::*;
     use nalgebra::SMatrix;
 
-    /// Moments of N(m, v) times the softened box, by summing over a fine grid.
-    fn moments_by_sum(m: f64, v: f64, low: f64, high: f64, soft: f64) -> (f64, f64) {
+    /// Moments of N(m, v) times the doubted, softened box, by summing over a fine grid.
+    fn moments_by_sum(m: f64, v: f64, low: f64, high: f64, soft: f64, doubt: f64) -> (f64, f64) {
         let (mut w, mut wx, mut wxx) = (0.0, 0.0, 0.0);
         let reach = 8.0 * v.sqrt();
         let n = 200_000;
         for i in 0..=n {
             let x = m - reach + 2.0 * reach * f64::from(i) / f64::from(n);
-            let p = (-0.5 * (x - m) * (x - m) / v).exp()
-                * normal_between((low - x) / soft, (high - x) / soft);
+            let width = high - low;
+            let sure = normal_between((low - x) / soft, (high - x) / soft);
+            let doubted = normal_between((low - width - x) / soft, (high + width - x) / soft);
+            let p = (-0.5 * (x - m) * (x - m) / v).exp() * ((1.0 - doubt) * sure + doubt * doubted);
             w += p;
             wx += p * x;
             wxx += p * x * x;
@@ -150,19 +178,23 @@ mod tests {
 
     #[test]
     fn box_moments_match_a_plain_sum() {
-        for (m, v, low, high, soft) in [
-            (0.0, 1.0, -0.5, 2.0, 0.1),
-            (1.0, 4.0, -3.0, -2.0, 0.3),
-            (0.0, 1.0, 2.5, 3.0, 0.05),
+        for (m, v, low, high, soft, doubt) in [
+            (0.0, 1.0, -0.5, 2.0, 0.1, 0.0),
+            (1.0, 4.0, -3.0, -2.0, 0.3, 0.0),
+            (0.0, 1.0, 2.5, 3.0, 0.05, 0.0),
+            (0.0, 1.0, 0.8, 1.6, 0.05, 0.05),
+            (0.0, 1.0, 2.5, 4.0, 0.05, 0.2),
+            (0.0, 1.0, 9.0, 17.2, 0.05, 0.2),
         ] {
             let factor = BoxFactor {
                 row: SVector::<f64, 1>::new(1.0),
                 low,
                 high,
                 softness: soft,
+                doubt,
             };
             let (mean, variance) = box_moments(m, v, &factor);
-            let (mean_sum, variance_sum) = moments_by_sum(m, v, low, high, soft);
+            let (mean_sum, variance_sum) = moments_by_sum(m, v, low, high, soft, doubt);
             assert!((mean - mean_sum).abs() < 1e-5, "{mean} {mean_sum}");
             assert!(
                 (variance - variance_sum).abs() < 1e-5,
@@ -186,18 +218,21 @@ mod tests {
                 low: -1.0,
                 high: 0.5,
                 softness: 1e-3,
+                doubt: 0.0,
             },
             BoxFactor {
                 row: row(0.3, 1.0),
                 low: -0.2,
                 high: 1.0,
                 softness: 1e-3,
+                doubt: 0.0,
             },
             BoxFactor {
                 row: row(-0.6, 1.0),
                 low: -0.5,
                 high: 0.9,
                 softness: 1e-3,
+                doubt: 0.0,
             },
         ];
         let mut state = prior;

@@ -50,7 +50,7 @@ impl Default for Options {
         Options {
             x_sigma_m: 0.5,
             yaw_sigma_rad: 8f64.to_radians(),
-            threshold_sigma: 0.06,
+            threshold_sigma: 0.08,
             footprint_sigma: 0.15,
             yaw_limit_rad: 2f64.to_radians(),
         }

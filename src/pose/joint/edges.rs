@@ -11,7 +11,10 @@ use crate::record::{Edge, EdgeKind, Face};
 
 /// Blur of an interval's bounds: this much, m, and this share of the spot's radius.
 const SOFT_M: f64 = 0.0002;
-const SOFT_SPOT: f64 = 0.02;
+const SOFT_SPOT: f64 = 0.035;
+/// Probability that an interval is off by a beam: a wild range beside the edge that looks like a
+/// hit, or like the surface behind. A larger one costs more where nothing is wrong.
+const DOUBT: f64 = 0.0003;
 
 /// A linear measurement `row . state = value` with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,6 +99,7 @@ pub fn interval(
         low: centre - g_from_m,
         high: centre - g_to_m,
         softness: f64::hypot(SOFT_M, SOFT_SPOT * row[THRESHOLD]),
+        doubt: DOUBT,
     })
 }
 
