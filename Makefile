@@ -69,6 +69,11 @@ bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
 	$(CARGO) bench --locked --bench streams --bench lines --bench decode
 
+## lines-table: the dissertation's table of line extractors with ours beside it, and its modified Hough transform against the whole one
+.PHONY: lines-table
+lines-table:
+	@$(CARGO) bench --locked --bench lines_table
+
 ## clock-table: errors of clock fits and trajectory delays on simulated runs, beside the goals (an error where one is missed)
 .PHONY: clock-table
 clock-table:
@@ -117,6 +122,21 @@ pose-table: build
 .PHONY: delay-table
 delay-table:
 	$(CARGO) bench --locked --bench compensate
+
+## calibration-table: what a calibration from 600 scans leaves of a survey's errors, 8 campaigns a row, beside the goals
+.PHONY: calibration-table
+calibration-table:
+	@$(CARGO) bench --locked --bench calibration
+
+## strip-designs: inclination, width and spacing of the strips, predicted and by simulated scans
+.PHONY: strip-designs
+strip-designs: build
+	@$(MAKE) --no-print-directory -C experiments strip-designs BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
+## yaw-range: over which yaw the walls' reflectors are hit, eq. 3.104 beside scans
+.PHONY: yaw-range
+yaw-range: build
+	@$(MAKE) --no-print-directory -C experiments yaw-range BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
 ## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
 .PHONY: install

@@ -42,12 +42,15 @@ def run(row, seed, out):
         course += f" --trajectory random --z-range {row['zone']}"
     if row["scans"]:
         course += f" --n-scans {row['scans']}"
+    at = q(str(out))
+    if "prepare" in row:
+        shell(row["prepare"].format(seed=seed, out=at))
+    course = course.replace("{out}", at)
     pitch = {
         "known": f"--imu {q(str(out))}/imu.csv --imu-pitch-sigma-deg 0",
         "imu": f"--imu {q(str(out))}/imu.csv --imu-pitch-sigma-deg 0.5",
         "none": "",
     }[row["pitch"]]
-    at = q(str(out))
     shell(
         f"simulate -q -f {frame} --effects {row['effects']} --effects-file {at}/effects.toml"
         f" {course} --seed {seed} --truth {at}/truth.csv --imu {at}/imu.csv -o {at}/scans.csv"

@@ -23,6 +23,15 @@ const CANDIDATES: usize = 6;
 const VOTE_M: f64 = 0.09;
 /// Tolerances of the association as the estimate improves, m.
 const TOLERANCES_M: [f64; 4] = [0.12, 0.06, 0.03, 0.02];
+/// The pose lies on the lines when a step moves no edge by more; edges are about so far away, m.
+const ON_LINES_M: f64 = 2e-4;
+const REACH_M: f64 = 5.0;
+/// What an edge that is met exactly is worth: three sigma squared.
+const WORTH: f64 = 9.0;
+/// The scan before needs no second opinion if this share of all edges is explained, and of so many
+/// at least.
+const SURE: f64 = 0.6;
+const SURE_EDGES: usize = 6;
 /// Prior standard deviations of x, yaw and pitch.
 const PRIOR: [f64; 3] = [0.3, 0.14, 0.035];
 
@@ -43,6 +52,8 @@ pub(super) struct Association {
     spot: Spot,
     /// Whether strips on the sides make pitch observable.
     with_pitch: bool,
+    /// y, z and roll of the pose that was looked at last.
+    on_lines: [f64; 3],
     /// x, yaw, pitch of the scan before.
     last: Option<[f64; 3]>,
     middles: Vec<Middle>,
@@ -73,6 +84,7 @@ impl Association {
             boundaries: boundaries.collect(),
             spot: Spot::new(frame),
             with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
+            on_lines: [0.0, frame.bounds.dz_m / 2.0, 0.0],
             last: None,
             middles: Vec::new(),
             taken: Vec::new(),
@@ -91,30 +103,32 @@ impl Association {
         if edges.is_empty() {
             return None;
         }
-        let wanted = edges.len().min(self.boundaries.len());
         let start = self.last.take();
-        let mut matched = 0;
         let mut at = start.unwrap_or_default();
+        let mut best = f64::NEG_INFINITY;
+        // Enough edges that fit leave no room for another explanation; a few do.
+        let sure = SURE * WORTH * edges.len().max(SURE_EDGES) as f64;
         if start.is_some() {
-            matched = self.refine(frame, lines, edges, &mut at, 1);
+            best = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            // Poses that jump need more than one step to have all edges in reach.
+            if best < sure || self.taken.iter().flatten().count() < edges.len() {
+                best = self.refine(frame, lines, edges, &mut at, 1);
+            }
         }
-        if matched < wanted.min(6) || matched * 2 < edges.len() {
-            // Several peaks of the vote may look alike; the one that explains most edges counts.
-            matched = 0;
+        if best < sure {
+            // Several peaks of the vote may look alike; the one that explains the edges best counts.
             for candidate in self.vote(frame, lines, edges) {
                 let mut refined = candidate;
                 let explained = self.refine(frame, lines, edges, &mut refined, 0);
-                if explained > matched {
-                    (matched, at) = (explained, refined);
-                }
-                if matched == edges.len() {
-                    break;
+                if explained > best {
+                    (best, at) = (explained, refined);
                 }
             }
-            matched = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
         }
+        let matched = self.taken.iter().flatten().count();
         self.last = (matched >= 3).then_some(at);
-        let pose = pose_on_lines(frame, lines, at);
+        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
         for Found { edge, .. } in edges.iter_mut() {
             let slope = usize::try_from(edge.strip)
                 .ok()
@@ -180,7 +194,8 @@ impl Association {
         edges.iter().zip(&self.middles).map(fit).sum()
     }
 
-    /// Alternates association and least squares; returns the number of edges with a strip.
+    /// Alternates association and least squares; returns how well the edges are explained: up to
+    /// [`WORTH`] for each, less what the state is away from the middle.
     fn refine(
         &mut self,
         frame: &Frame,
@@ -188,11 +203,12 @@ impl Association {
         edges: &mut [Found],
         at: &mut [f64; 3],
         from: usize,
-    ) -> usize {
-        let mut matched = 0;
+    ) -> f64 {
+        let mut explained = f64::NEG_INFINITY;
         for tolerance_m in &TOLERANCES_M[from..] {
             self.see(frame, lines, edges, *at);
-            matched = self.nearest(edges, *tolerance_m);
+            self.nearest(edges, *tolerance_m);
+            explained = 0.0;
             let mut information = Matrix3::zeros();
             let mut gradient = Vector3::zeros();
             for k in 0..3 {
@@ -203,12 +219,14 @@ impl Association {
                 };
                 information[(k, k)] = 1.0 / (sigma * sigma);
                 gradient[k] = -at[k] / (sigma * sigma);
+                explained -= (at[k] / sigma).powi(2);
             }
             for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
                 let Some((e, gap_m)) = *taken else { continue };
                 let middle = &self.middles[e];
                 let row = Vector3::from_fn(|k, _| middle.d_v[k] - boundary.slope * middle.d_x[k]);
                 let weight = 1.0 / (middle.half_m * middle.half_m / 3.0 + 4e-6);
+                explained += (WORTH - weight * gap_m * gap_m).max(0.0);
                 information += weight * row * row.transpose();
                 gradient -= weight * gap_m * row;
             }
@@ -218,12 +236,12 @@ impl Association {
                 at[2] = (at[2] + step[2]).clamp(-0.2, 0.2);
             }
         }
-        matched
+        explained
     }
 
     /// Gives every boundary the nearest edge of its kind within the tolerance, and the edges their
     /// strips.
-    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) -> usize {
+    fn nearest(&mut self, edges: &mut [Found], tolerance_m: f64) {
         self.taken.clear();
         self.taken.resize(self.boundaries.len(), None);
         for (e, (Found { edge, .. }, middle)) in edges.iter_mut().zip(&self.middles).enumerate() {
@@ -246,19 +264,16 @@ impl Association {
                 self.taken[b] = Some((e, gap_m));
             }
         }
-        let mut matched = 0;
         for (boundary, taken) in self.boundaries.iter().zip(&self.taken) {
             if let Some((e, _)) = taken {
                 edges[*e].edge.strip = boundary.strip as i32;
-                matched += 1;
             }
         }
-        matched
     }
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.
     fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
-        let pose = pose_on_lines(frame, lines, at);
+        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
         self.middles.clear();
         self.middles.extend(edges.iter().map(|Found { edge, .. }| {
             let v = v_axis(edge.face);
@@ -320,13 +335,19 @@ fn boundaries(strip: usize, s: &Strip) -> [Boundary; 2] {
 }
 
 /// The platform's pose with y, z and roll such that its lines are the measured ones, for given x,
-/// yaw and pitch.
-fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3]) -> ScannerPose {
-    let (mut y, mut z, mut roll) = (0.0, frame.bounds.dz_m / 2.0, 0.0);
-    for _ in 0..3 {
+/// yaw and pitch. `start` is y, z and roll to start from and becomes those of the result.
+fn pose_on_lines(
+    frame: &Frame,
+    lines: &ReflectorLines,
+    [x, yaw, pitch]: [f64; 3],
+    start: &mut [f64; 3],
+) -> ScannerPose {
+    let [mut y, mut z, mut roll] = *start;
+    for _ in 0..4 {
         let pose = ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw]);
         let faces = [Face::Right, Face::Upper, Face::Left];
         let (mut sum_y, mut walls, mut sum_roll, mut weight) = (0.0, 0.0, 0.0, 0.0);
+        let mut moved = 0.0f64;
         for (line, face) in lines.lines().into_iter().zip(faces) {
             if !line.is_seen() {
                 continue;
@@ -334,7 +355,7 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
             let predicted = pose.line(face);
             let d_m = line.normal.d_m - predicted.normal.d_m;
             match face {
-                Face::Upper => z -= d_m,
+                Face::Upper => (z, moved) = (z - d_m, d_m.abs()),
                 Face::Right => (sum_y, walls) = (sum_y - d_m, walls + 1.0),
                 Face::Left => (sum_y, walls) = (sum_y + d_m, walls + 1.0),
             }
@@ -344,11 +365,17 @@ fn pose_on_lines(frame: &Frame, lines: &ReflectorLines, [x, yaw, pitch]: [f64; 3
         }
         if walls > 0.0 {
             y += sum_y / walls;
+            moved = moved.max((sum_y / walls).abs());
         }
         if weight > 0.0 {
             roll += sum_roll / weight;
+            moved = moved.max(REACH_M * (sum_roll / weight).abs());
+        }
+        if moved < ON_LINES_M {
+            break;
         }
     }
+    *start = [y, z, roll];
     ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw])
 }
 

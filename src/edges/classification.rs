@@ -16,8 +16,8 @@ const GAP_SHARE: f64 = 0.85;
 const SHORT_SIGMA: f64 = 4.0;
 const SHORT_MIN_M: f64 = 0.030;
 
-/// A gap beam shares its depth behind the face with one of so many beams on either side, to within
-/// this share of the gap.
+/// A sure beam is like one of so many beams on either side; a gap beam in its depth behind the face,
+/// to within this share of the gap.
 const SUPPORT_BEAMS: usize = 4;
 const SUPPORT_SHARE: f64 = 0.15;
 
@@ -26,6 +26,10 @@ const SUPPORT_SHARE: f64 = 0.15;
 const BEHIND_WEIGHT: [f64; 2] = [0.4, 1.1];
 /// What its range, as a share of the way to the surface behind, may be off.
 const MIXED_SLACK: f64 = 0.03;
+/// A beam goes into a corner behind if another surface is as near to this share.
+const CORNER: f64 = 0.99;
+/// Mixed pixels lie no further than this from the sure beams around them, beams.
+const MIXED_NEAR: usize = 2;
 
 /// What a beam met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +60,8 @@ pub(super) struct Beam {
     pub excess_m: f64,
     /// How far behind the line the next surface is, m.
     pub depth_m: f64,
-    /// Cosine of incidence on the face, and on the surface behind.
+    /// Cosine of incidence on the face, and on the surface behind; NaN near a corner behind, where
+    /// it may be either of two.
     pub cos_incidence: [f64; 2],
 }
 
@@ -121,16 +126,19 @@ pub(super) fn classify(
         let along = planes.map(|(y, z, _)| cos * y + sin * z);
         let nearest = |inverse: &[f64; 3]| {
             let reach = [0, 1, 2].map(|j| along[j] * inverse[j]);
-            let k = if reach[0] >= reach[1] { 0 } else { 1 };
-            let k = if reach[2] > reach[k] { 2 } else { k };
-            (k, reach[k])
+            let (k, other) = if reach[0] >= reach[1] { (0, 1) } else { (1, 0) };
+            if reach[2] > reach[k] {
+                (2, reach[2], reach[k])
+            } else {
+                (k, reach[k], reach[2].max(reach[other]))
+            }
         };
-        let (k, own) = nearest(&inverse_m);
+        let (k, own, _) = nearest(&inverse_m);
         if !wanted[k] || !(own > 0.0) {
             beams.push(Beam::NOTHING);
             continue;
         }
-        let (k_behind, behind) = nearest(&inverse_behind_m);
+        let (k_behind, behind, behind_too) = nearest(&inverse_behind_m);
         let face_m = 1.0 / own;
         let excess_m = (range_m - bias_m) * scale - face_m;
         let depth_m = 1.0 / behind - face_m;
@@ -155,12 +163,24 @@ pub(super) fn classify(
             face_m,
             excess_m,
             depth_m,
-            cos_incidence: [along[k], along[k_behind]],
+            cos_incidence: [
+                along[k],
+                if behind_too > CORNER * behind {
+                    f64::NAN
+                } else {
+                    along[k_behind]
+                },
+            ],
         });
     }
-    if gap_m.is_some() {
-        drop_unsupported(beams);
-    }
+    // The rest is about faces with strips.
+    let first = beams.iter().position(|b| b.face != NO_FACE);
+    let last = beams.iter().rposition(|b| b.face != NO_FACE);
+    let (Some(first), Some(last)) = (first, last) else {
+        return;
+    };
+    let beams = &mut beams[first..=last];
+    drop_unsupported(beams, gap_m.is_some());
     drop_contradictions(beams);
     if gap_m.is_some() {
         mark_short(beams, fitted.map(|line| line.rms_m));
@@ -182,6 +202,11 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
         else {
             continue;
         };
+        // Amid its like.
+        let around = &beams[i.saturating_sub(2)..n.min(i + 3)];
+        if around.iter().all(|b| b.state == State::Gap) {
+            continue;
+        }
         let tolerance_m = (SHORT_SIGMA * sigma_m[usize::from(face)]).max(SHORT_MIN_M);
         for inward in [1isize, -1] {
             let at = |k: isize| i.checked_add_signed(k * inward).filter(|j| *j < n);
@@ -209,30 +234,27 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
     }
 }
 
-/// A gap beam whose depth none of its gap neighbours shares did not meet the surface behind: a wild
-/// range that stands for a hit as well as for a gap.
-fn drop_unsupported(beams: &mut [Beam]) {
-    let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+/// A sure beam stands alone if no other within some beams says the same: a wild range that stands
+/// for a hit as well as for a gap. Gap beams say the same if their depths behind the face agree
+/// (with nothing behind there are none).
+fn drop_unsupported(beams: &mut [Beam], with_depth: bool) {
+    let agree = |a: &Beam, b: &Beam| match a.state {
+        State::Hit => b.is(State::Hit, a.face) || b.is(State::Both, a.face),
+        State::Gap => {
+            let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
+            b.is(State::Gap, a.face) && (!with_depth || (ratio(a) - ratio(b)).abs() < SUPPORT_SHARE)
+        }
+        _ => true,
+    };
     for i in 0..beams.len() {
-        let Beam {
-            state: State::Gap,
-            face,
-            ..
-        } = beams[i]
-        else {
-            continue;
-        };
-        let here = ratio(&beams[i]);
-        let shares = |b: &Beam| b.is(State::Gap, face) && (here - ratio(b)).abs() < SUPPORT_SHARE;
-        if i > 0 && shares(&beams[i - 1]) {
+        let beam = beams[i];
+        if !matches!(beam.state, State::Hit | State::Gap) || (i > 0 && agree(&beam, &beams[i - 1]))
+        {
             continue;
         }
-        let around =
-            &beams[i.saturating_sub(SUPPORT_BEAMS)..beams.len().min(i + SUPPORT_BEAMS + 1)];
-        // The beam itself is among them.
-        let others = around.iter().filter(|b| b.is(State::Gap, face)).count() - 1;
-        let supported = around.iter().filter(|b| shares(b)).count() > 1;
-        if others >= 2 && !supported {
+        let before = &beams[i.saturating_sub(SUPPORT_BEAMS)..i];
+        let behind = &beams[i + 1..beams.len().min(i + SUPPORT_BEAMS + 1)];
+        if !before.iter().chain(behind).any(|other| agree(&beam, other)) {
             beams[i].state = State::Unknown;
         }
     }
@@ -253,6 +275,10 @@ fn drop_contradictions(beams: &mut [Beam]) {
                 continue;
             }
         };
+        if back1 == here {
+            (back2, back1) = (back1, here);
+            continue;
+        }
         let ahead = |k: usize| beams.get(i + k).map_or(nobody, |b| (b.state, b.face));
         let around = [back2, back1, ahead(1), ahead(2)];
         let against = around.iter().filter(|b| **b == (other, here.1)).count();
@@ -279,16 +305,16 @@ pub(super) struct Transition {
 /// Reports a transition wherever the last sure state changes on a face.
 pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
     let mut last: Option<(usize, State)> = None;
-    let mut mixed = false;
+    let mut mixed: Option<(usize, usize)> = None;
     let mut face = NO_FACE;
     for (i, beam) in beams.iter().enumerate() {
         if beam.face != face {
-            (last, mixed, face) = (None, false, beam.face);
+            (last, mixed, face) = (None, None, beam.face);
         }
         match beam.state {
             State::Hit | State::Gap => {}
             State::Mixed | State::Both => {
-                mixed = true;
+                mixed = Some((mixed.map_or(i, |(first, _)| first), i));
                 continue;
             }
             State::Unknown => continue,
@@ -296,6 +322,11 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
         if let Some((before, kind)) = last
             && kind != beam.state
         {
+            // A mixed pixel tells of the edge only in an unbroken run of beams: among beams that
+            // something hides it may be anything.
+            let mixed = mixed.is_some_and(|(first, last)| {
+                first - before <= MIXED_NEAR && i - last <= MIXED_NEAR
+            });
             report(Transition {
                 beams: (before, i),
                 onto_strip: beam.state == State::Hit,
@@ -304,7 +335,7 @@ pub(super) fn transitions(beams: &[Beam], mut report: impl FnMut(Transition)) {
             });
         }
         last = Some((i, beam.state));
-        mixed = false;
+        mixed = None;
     }
 }
 

@@ -11,11 +11,11 @@ use crate::frame::{Frame, ScannerPose};
 use crate::record::{BeamTable, Edge, EdgeBasis, EdgeKind, ReflectorLines, Scan};
 
 /// Beams beyond the spot's reach on either side of an edge: on the background, on the strip.
-const OUTSIDE: usize = 6;
-const INSIDE: usize = 8;
+const OUTSIDE: usize = 5;
+const INSIDE: usize = 6;
 /// Range to which remissions are referred, m, and the power of the range law (spec: (3 m/r)^0.5).
 const REFERENCE_M: f64 = 3.0;
-/// Strip and background are met alike if the logarithms of the cosines differ by less.
+/// Strip and background are met alike if the cosines of incidence differ by less than this share.
 const SAME_INCIDENCE: f64 = 0.03;
 /// Where they are not, a mixed pixel this near to half-way may have the incidence of either.
 const DOUBTFUL: f64 = 0.2;
@@ -26,6 +26,8 @@ const EXPONENT_FLOOR: f64 = 0.02;
 /// Relative noise of a remission before any scan, and for how many beams that counts.
 const NOISE: f64 = 0.04;
 const NOISE_BEAMS: f64 = 12.0;
+/// It is never held for less.
+const NOISE_FLOOR: f64 = 0.01;
 /// The noise is forgotten over this many beams.
 const MEMORY_BEAMS: f64 = 4000.0;
 /// A saturated device repeats its highest digit: on at least this many beams, and on at least this
@@ -40,6 +42,9 @@ const CONTRAST_SIGMAS: f64 = 8.0;
 /// better) and this many sigma.
 const OUTSIDE_SPOTS: f64 = 0.5;
 const OUTSIDE_SIGMAS: f64 = 4.0;
+/// On either side of an edge there is a beam no further away than so many spot radii and beams.
+const CLOSE_SPOTS: f64 = 1.0;
+const CLOSE_BEAMS: f64 = 1.6;
 /// Mean squared normalised residual of the beams at an edge above which the model does not hold.
 const NEAR_CHI2_MAX: f64 = 6.0;
 
@@ -59,7 +64,7 @@ impl Noise {
     }
 
     fn sigma(&self) -> f64 {
-        (self.sum / self.beams).max(1e-8).sqrt()
+        (self.sum / self.beams).sqrt().max(NOISE_FLOOR)
     }
 
     fn learn(&mut self, (sum, beams): (f64, f64)) {
@@ -307,12 +312,13 @@ impl Measured {
             };
             return match beam.state {
                 State::Hit => Some(single(Light::Strip, on_face)),
+                State::Gap if on_behind.is_nan() => None,
                 State::Gap => Some(single(Light::Behind, on_behind)),
                 State::Both => {
                     let second = f64::from(echoes.remissions[i]);
                     let behind_m = beam.excess_m + echoes.second_m[i] - echoes.first_m[i];
                     let far_enough = behind_m > 0.5 * beam.depth_m;
-                    (second > 0.0 && far_enough).then(|| Measured {
+                    (second > 0.0 && far_enough && !on_behind.is_nan()).then(|| Measured {
                         light: Light::Ratio,
                         value: (value / corrected(second, behind_m)).ln(),
                         rounding: Sample::rounding(1.0, digits)
@@ -325,8 +331,10 @@ impl Measured {
             };
         }
         let towards = beam.excess_m / beam.depth_m;
-        let differ = (on_behind / on_face).ln().abs() > SAME_INCIDENCE;
-        if beam.state == State::Mixed && differ && (towards - 0.5).abs() < DOUBTFUL {
+        // Where two surfaces behind are as near, nobody knows which: then they differ.
+        let differ = !((on_behind / on_face - 1.0).abs() < SAME_INCIDENCE);
+        let doubtful = (towards - 0.5).abs() < DOUBTFUL || on_behind.is_nan();
+        if beam.state == State::Mixed && differ && doubtful {
             return None;
         }
         let surface = if beam.state == State::Hit || towards < 0.5 {
@@ -335,7 +343,7 @@ impl Measured {
             on_behind
         };
         let value = corrected(digits, beam.excess_m);
-        value.is_finite().then(|| Measured {
+        (value + surface).is_finite().then(|| Measured {
             light: Light::Whole,
             value,
             rounding: Sample::rounding(value, digits),
@@ -358,8 +366,11 @@ fn accept(fit: &StripFit, basis: EdgeBasis, window: &Window, found: &mut [Found]
         let at = fit.edges_rad[k];
         let fits = at > edge.from_rad - spare_rad && at < edge.to_rad + spare_rad;
         // An interval can say more than too few beams.
+        let reach_rad =
+            CLOSE_SPOTS / window.slant.spots_per_rad + CLOSE_BEAMS * window.increment_rad;
+        let framed = fit.closest_rad[k].iter().all(|c| *c < reach_rad);
         let sharper = sigma_rad < 0.5 * (edge.to_rad - edge.from_rad);
-        if sigma_rad.is_finite() && fits && sharper && fit.near_chi2[k] < NEAR_CHI2_MAX {
+        if sigma_rad.is_finite() && fits && framed && sharper && fit.near_chi2[k] < NEAR_CHI2_MAX {
             edge.edge_rad = at;
             edge.sigma_rad = sigma_rad;
             edge.d_footprint = fit.d_footprint[k];
@@ -398,6 +409,7 @@ struct Window {
     /// Beams that each edge's spot may reach, first and last.
     near: [Option<(usize, usize)>; 2],
     slant: Slant,
+    increment_rad: f64,
 }
 
 impl Window {
@@ -457,6 +469,7 @@ impl Window {
             ends: [start.max(low), end.min(high).min(last_beam)],
             near,
             slant,
+            increment_rad,
         }
     }
 

@@ -117,86 +117,84 @@ pub(super) struct StripFit {
     pub near_chi2: [f64; 2],
     /// Beams that each edge cuts.
     pub near: [u32; 2],
+    /// Angle from each edge to the next beam on its strip and on its background, rad.
+    pub closest_rad: [[f64; 2]; 2],
 }
 
-/// What the model says of one beam: the value, its derivatives, the one to the footprint scale, the
-/// variance, and the share's own.
+/// What the model says of one beam: the value, its derivatives, and the variance.
 struct Prediction {
     value: f64,
-    row: SVector<f64, N>,
+    row: [f64; N],
     d_footprint: f64,
-    sigma: f64,
+    variance: f64,
     /// Which edges cut the spot.
     cuts: [bool; 2],
 }
 
-#[derive(Clone, Copy)]
-struct Parameters(SVector<f64, N>);
+/// e^x, for the small powers of a cosine that occur within a window.
+fn small_exp(x: f64) -> f64 {
+    if x.abs() > 0.25 {
+        return x.exp();
+    }
+    1.0 + x
+        * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0)))))
+}
 
-impl Parameters {
-    fn predict(&self, sample: &Sample, there: [bool; 2], start: &Start) -> Prediction {
-        let p = &self.0;
-        let per_rad = sample.spots_per_rad;
-        // Near an edge the sine is the angle to a part in a thousand of what counts; far away only
-        // its sign does.
-        let (off, on) = (sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad);
-        let one = |there: bool, angle: f64| {
-            let q = angle * per_rad;
-            if there {
-                (q, share(q))
-            } else {
-                (1.0, (1.0, 0.0))
-            }
-        };
-        let (q1, (f1, d1)) = one(there[0], off);
-        let (q2, (f2, d2)) = one(there[1], on);
-        let f = (f1 + f2 - 1.0).clamp(0.0, 1.0);
-        // Derivatives of f to the two edges and to the footprint scale (q goes with 1/scale).
-        let (df1, df2) = (-d1 * per_rad, d2 * per_rad);
-        let df_scale = -(d1 * q1 + d2 * q2);
-        let cuts = [d1 > 0.0, d2 > 0.0];
-        let (a, b) = (p[STRIP], p[BEHIND]);
-        let mut row = SVector::<f64, N>::zeros();
-        if sample.light == Light::Ratio {
-            let f = f.clamp(SHARE_MIN, 1.0 - SHARE_MIN);
-            let slope = 1.0 / (f * (1.0 - f));
-            row[FIRST] = slope * df1;
-            row[SECOND] = slope * df2;
-            row[STRIP] = 1.0 / a;
-            row[BEHIND] = -1.0 / b;
-            row[EXPONENT] = sample.ln_cos;
-            return Prediction {
-                value: (a * f / (b * (1.0 - f))).ln() + p[EXPONENT] * sample.ln_cos,
-                row,
-                d_footprint: slope * df_scale,
-                sigma: start.noise[1].hypot(sample.rounding),
-                cuts,
-            };
-        }
-        let level = (p[EXPONENT] * sample.ln_cos).exp();
-        let (inner, outer) = match sample.light {
-            Light::Strip => (f, 0.0),
-            Light::Behind => (0.0, 1.0 - f),
-            _ => (f, 1.0 - f),
-        };
-        let value = level * (a * inner + b * outer);
-        let slope = match sample.light {
-            Light::Strip => level * a,
-            Light::Behind => -level * b,
-            _ => level * (a - b),
-        };
-        row[FIRST] = slope * df1;
-        row[SECOND] = slope * df2;
-        row[STRIP] = level * inner;
-        row[BEHIND] = level * outer;
-        row[EXPONENT] = value * sample.ln_cos;
-        Prediction {
-            value,
-            row,
+fn predict(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2], noise: [f64; 2]) -> Prediction {
+    let per_rad = sample.spots_per_rad;
+    // Near an edge the sine is the angle to a part in a thousand of what counts; far away only its
+    // sign does.
+    let q = [
+        (sample.angle_rad - p[FIRST]) * per_rad,
+        (p[SECOND] - sample.angle_rad) * per_rad,
+    ];
+    let one = |k: usize| if there[k] { share(q[k]) } else { (1.0, 0.0) };
+    let ((f1, d1), (f2, d2)) = (one(0), one(1));
+    let f = (f1 + f2 - 1.0).clamp(0.0, 1.0);
+    // Derivatives of f to the two edges and to the footprint scale (q goes with 1/scale).
+    let df = [-d1 * per_rad, d2 * per_rad];
+    let df_scale = -(d1 * q[0] + d2 * q[1]);
+    let cuts = [d1 > 0.0, d2 > 0.0];
+    let (a, b) = (p[STRIP], p[BEHIND]);
+    let rounding = sample.rounding * sample.rounding;
+    if sample.light == Light::Ratio {
+        let f = f.clamp(SHARE_MIN, 1.0 - SHARE_MIN);
+        let slope = 1.0 / (f * (1.0 - f));
+        return Prediction {
+            value: (a * f / (b * (1.0 - f))).ln() + p[EXPONENT] * sample.ln_cos,
+            row: [
+                slope * df[0],
+                slope * df[1],
+                1.0 / a,
+                -1.0 / b,
+                sample.ln_cos,
+            ],
             d_footprint: slope * df_scale,
-            sigma: (start.noise[0] * value).hypot(sample.rounding),
+            variance: noise[1] * noise[1] + rounding,
             cuts,
-        }
+        };
+    }
+    let level = small_exp(p[EXPONENT] * sample.ln_cos);
+    let (inner, outer, contrast) = match sample.light {
+        Light::Strip => (f, 0.0, a),
+        Light::Behind => (0.0, 1.0 - f, -b),
+        _ => (f, 1.0 - f, a - b),
+    };
+    let value = level * (a * inner + b * outer);
+    let slope = level * contrast;
+    let sigma = noise[0] * value;
+    Prediction {
+        value,
+        row: [
+            slope * df[0],
+            slope * df[1],
+            level * inner,
+            level * outer,
+            value * sample.ln_cos,
+        ],
+        d_footprint: slope * df_scale,
+        variance: sigma * sigma + rounding,
+        cuts,
     }
 }
 
@@ -204,13 +202,13 @@ impl Parameters {
 pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let there = start.edges_rad.map(|e| e.is_some());
     let [first, second] = start.edges_rad.map(|e| e.unwrap_or(0.0));
-    let mut p = Parameters(SVector::from([
+    let mut p = SVector::from([
         first,
         second,
         start.levels[0],
         start.levels[1],
         start.exponent.0,
-    ]));
+    ]);
     if !(start.levels[0] > 0.0 && start.levels[1] > 0.0) || samples.is_empty() {
         return None;
     }
@@ -221,6 +219,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let mut scatter = [(0.0, 0.0); 2];
     let mut near_sum = [0.0; 2];
     let mut near = [0u32; 2];
+    let mut closest_rad = [[f64::INFINITY; 2]; 2];
     let mut far = f64::INFINITY;
     for iteration in 0..ITERATIONS {
         normal = SMatrix::zeros();
@@ -230,54 +229,55 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         near_sum = [0.0; 2];
         near = [0; 2];
         for sample in samples {
-            let prediction = p.predict(sample, there, start);
+            let prediction = predict(&p, sample, there, start.noise);
             let residual = sample.value - prediction.value;
-            let normalised = residual / prediction.sigma;
-            let is_near = prediction.cuts[0] || prediction.cuts[1];
-            let size = normalised.abs();
+            let square = residual * residual / prediction.variance;
+            let cut = prediction.cuts[0] || prediction.cuts[1];
             let mut weight = 1.0;
-            if !(is_near && iteration < LENIENT) && size > HUBER {
-                weight = if size > CUT { 0.0 } else { HUBER / size };
+            if square > HUBER * HUBER && !(cut && iteration < LENIENT) {
+                weight = if square > CUT * CUT {
+                    0.0
+                } else {
+                    HUBER / square.sqrt()
+                };
             }
             for k in 0..2 {
                 if prediction.cuts[k] {
                     near[k] += 1;
-                    near_sum[k] += normalised.min(10.0).powi(2);
+                    near_sum[k] += square.min(100.0);
                 }
             }
-            if weight == 0.0 || !size.is_finite() {
+            if weight == 0.0 || !square.is_finite() {
                 continue;
             }
             let of = usize::from(sample.light == Light::Ratio);
             let relative = if of == 1 { 1.0 } else { prediction.value };
             // What rounding adds is taken off, so that the rest is the noise.
-            let square =
-                (residual * residual - sample.rounding * sample.rounding) / (relative * relative);
-            scatter[of].0 += weight * square;
+            let noise = residual * residual - sample.rounding * sample.rounding;
+            scatter[of].0 += weight * noise / (relative * relative);
             scatter[of].1 += 1.0;
-            let w = weight / (prediction.sigma * prediction.sigma);
+            let w = weight / prediction.variance;
             let row = &prediction.row;
-            for i in 0..N {
+            // Most beams are cut by no edge and tell of the levels alone.
+            for i in if cut { 0 } else { STRIP }..N {
                 let wi = w * row[i];
-                if wi != 0.0 {
-                    for j in i..N {
-                        normal[(i, j)] += wi * row[j];
-                    }
-                    gradient[i] += wi * residual;
-                    footprint[i] += wi * prediction.d_footprint;
+                for j in i..N {
+                    normal[(i, j)] += wi * row[j];
                 }
+                gradient[i] += wi * residual;
+                footprint[i] += wi * prediction.d_footprint;
             }
         }
         normal.fill_lower_triangle_with_upper_triangle();
         normal[(EXPONENT, EXPONENT)] += prior_information;
-        gradient[EXPONENT] += prior_information * (start.exponent.0 - p.0[EXPONENT]);
+        gradient[EXPONENT] += prior_information * (start.exponent.0 - p[EXPONENT]);
         for k in 0..2 {
             // Weak enough not to matter unless no beam touches the edge.
             let wide = EDGE_PRIOR * start.reach_rad[k];
             let information = 1.0 / (wide * wide);
             normal[(k, k)] += if there[k] { information } else { 1.0 };
             if let Some(at) = start.edges_rad[k] {
-                gradient[k] += information * (at - p.0[k]);
+                gradient[k] += information * (at - p[k]);
             }
         }
         let step = normal.cholesky()?.solve(&gradient);
@@ -289,8 +289,8 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             0.5 * far
         };
         let shorter = if far > most { most / far } else { 1.0 };
-        p.0 += step * shorter;
-        if !(p.0[STRIP] > 0.0 && p.0[BEHIND] > 0.0 && step.iter().all(|s| s.is_finite())) {
+        p += step * shorter;
+        if !(p[STRIP] > 0.0 && p[BEHIND] > 0.0 && step.iter().all(|s| s.is_finite())) {
             return None;
         }
         if far < CONVERGED && iteration + 1 >= LENIENT {
@@ -313,7 +313,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let posterior_information = 1.0 / covariance[(EXPONENT, EXPONENT)];
     let own_information = (posterior_information - prior_information).max(0.0);
     let own = if own_information > 1e-9 {
-        (posterior_information * p.0[EXPONENT] - prior_information * start.exponent.0)
+        (posterior_information * p[EXPONENT] - prior_information * start.exponent.0)
             / own_information
     } else {
         start.exponent.0
@@ -324,20 +324,28 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     for (_, freedom) in &mut scatter {
         *freedom -= fitted * *freedom / beams.max(1.0);
     }
+    for sample in samples {
+        let inwards = [sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad];
+        for (closest, inward) in closest_rad.iter_mut().zip(inwards) {
+            let side = usize::from(inward < 0.0);
+            closest[side] = closest[side].min(inward.abs());
+        }
+    }
     let contrast = covariance[(STRIP, STRIP)] + covariance[(BEHIND, BEHIND)]
         - 2.0 * covariance[(STRIP, BEHIND)];
     Some(StripFit {
-        edges_rad: [p.0[FIRST], p.0[SECOND]],
+        edges_rad: [p[FIRST], p[SECOND]],
         covariance: [
             [variance(0), covariance[(0, 1)]],
             [covariance[(0, 1)], variance(1)],
         ],
         d_footprint: [d_footprint[0], d_footprint[1]],
-        levels: [p.0[STRIP], p.0[BEHIND]],
+        levels: [p[STRIP], p[BEHIND]],
         contrast_sigma: contrast.max(0.0).sqrt(),
         exponent: (own, own_information),
         scatter,
         near_chi2: [0, 1].map(|k| near_sum[k] / f64::from(near[k].max(1))),
         near,
+        closest_rad,
     })
 }

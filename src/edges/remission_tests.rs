@@ -6,8 +6,8 @@ use super::*;
 use crate::frame::ScannerPose;
 use crate::lines::reflectors::{Options, ReflectorFit};
 use crate::record::{EdgeBasis, TrajectoryPoint};
-use crate::simulate::staged::{frame, scattered, scattered_with};
-use crate::simulate::{Parameters, Step};
+use crate::simulate::staged::{frame, scattered, scattered_with, scattered_within};
+use crate::simulate::{Parameters, Scatter, Step};
 use std::path::Path;
 
 fn inclined() -> Frame {
@@ -193,7 +193,8 @@ fn remissions_place_edges_between_beams() {
     ] {
         let edges = checked(&frame, &scattered(&frame, effects, 250, z_m, 31));
         let f = figures(&edges, 1.0);
-        assert_honest(name, &f, 0.95);
+        // High up many strips have the corner of the background behind them.
+        assert_honest(name, &f, if z_m[0] > 3.0 { 0.9 } else { 0.95 });
         // Beams are 4.4 mrad apart: even intervals would leave 1.26 mrad.
         assert!(f.rms_rad < 0.35e-3, "{f:?}");
     }
@@ -221,8 +222,7 @@ fn a_wider_spot_is_what_the_derivative_says() {
     let edges = checked(&frame, &steps);
     assert_honest("scale 1.1", &figures(&edges, 1.1), 0.95);
     // A frame file that knows the scale needs no derivative.
-    let known = self::frame(&[("z_m = [0.20, 5.20]", "z_m = [0.20, 5.20]")]);
-    let mut known = known;
+    let mut known = self::frame(&[]);
     known.calibration.footprint_scale = 1.3;
     let p = parameters("[footprint]\nscale = 1.3");
     let steps = scattered_with(&known, "reference", &p, 250, [0.5, 3.5], 34);
@@ -270,6 +270,85 @@ fn without_contrast_the_intervals_stand() {
     let edges = checked(&frame, &steps);
     let measured = edges.iter().filter(|c| c.edge.edge_rad.is_finite()).count();
     assert!(measured * 50 < edges.len(), "{measured} of {}", edges.len());
+}
+
+#[test]
+fn echoes_need_no_level() {
+    let frame = frame(&[]);
+    let remission = checked(
+        &frame,
+        &scattered(&frame, "reference,mixed", 250, [0.5, 3.5], 36),
+    );
+    let steps = scattered(&frame, "reference,mixed,echoes", 250, [0.5, 3.5], 36);
+    let edges = checked(&frame, &steps);
+    let (f, by_level) = (figures(&edges, 1.0), figures(&remission, 1.0));
+    // Where two echoes ran into one, nothing is known of the shares.
+    assert_honest("echoes", &f, 0.75);
+    assert!(f.rms_rad < by_level.rms_rad, "{f:?} {by_level:?}");
+    assert!(edges.iter().all(|c| c.edge.basis != EdgeBasis::Remission));
+}
+
+#[test]
+fn cables_cargo_and_wild_ranges_do_not_move_edges() {
+    let frame = frame(&[]);
+    let effects = "reference,mixed,outliers,dropouts,cables,cargo";
+    let edges = checked(&frame, &scattered(&frame, effects, 250, [0.5, 3.5], 39));
+    let f = figures(&edges, 1.0);
+    assert_honest("cables and cargo", &f, 0.8);
+    let far = edges
+        .iter()
+        .filter(|c| c.normalised(1.0).abs() > 6.0)
+        .count();
+    assert!(far * 200 <= edges.len(), "{far} of {}", edges.len());
+}
+
+#[test]
+fn every_pose_of_the_workspace_is_found_without_the_one_before() {
+    // Plates wide enough to be hit at 3 degrees of yaw.
+    let wide = ("x_m = [-0.25, 0.25]", "x_m = [-0.74, 0.74]");
+    let frame = frame(&[wide, wide]);
+    let degree = 1f64.to_radians();
+    let scatter = Scatter {
+        position_m: [[-0.15, 0.15], [-3.5, 3.5], [0.5, 3.5]],
+        rotation_rad: [
+            [-degree, degree],
+            [-degree, degree],
+            [-3.0 * degree, 3.0 * degree],
+        ],
+    };
+    let effects = "reference,mixed,outliers,dropouts,cables,cargo";
+    let steps = scattered_within(&frame, effects, &Parameters::default(), 250, &scatter, 40);
+    for track in [false, true] {
+        // With `track` every pose is a jump away from the one before: nothing may stick.
+        let (mut known, mut wrong) = (0, 0);
+        for (lines, truth) in measure(&frame, &steps, track) {
+            for edge in lines.edges.iter().filter(|e| e.strip >= 0) {
+                known += 1;
+                let middle = 0.5 * (edge.from_rad + edge.to_rad);
+                let off = off_m(&frame, &truth, edge, middle).abs();
+                let half = off_m(&frame, &truth, edge, edge.from_rad)
+                    - off_m(&frame, &truth, edge, edge.to_rad);
+                wrong += usize::from(off > 0.10 + half.abs());
+            }
+        }
+        assert!(known > 250 * 7 && wrong == 0, "{wrong} of {known}");
+    }
+}
+
+#[test]
+fn with_nothing_behind_the_strips_intervals_are_all_there_is() {
+    let frame = frame(&[("background_gap_m = 0.70", "")]);
+    for step in &scattered(&frame, "reference", 30, [0.5, 3.5], 41) {
+        let (lines, truth) = &measure(&frame, std::slice::from_ref(step), false)[0];
+        assert_eq!(lines.edges.len(), 8);
+        for edge in &lines.edges {
+            let (before, behind) = (
+                off_m(&frame, truth, edge, edge.from_rad),
+                off_m(&frame, truth, edge, edge.to_rad),
+            );
+            assert!(before > -0.008 && behind < 0.008, "{before} {behind}");
+        }
+    }
 }
 
 #[test]

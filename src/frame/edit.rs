@@ -14,11 +14,13 @@ pub enum EditError {
     Form(String),
 }
 
-/// The text with `[table]`'s `key` set to `value` (as TOML). Table and key are made where they are
-/// missing. `remark` becomes the line's comment if it has none.
+/// The text with `[table]`'s `key` set to `value` (as TOML); `table` may be one of an array of tables,
+/// as `strip[2]` for the third `[[strip]]`. Key and plain table are made where they are missing.
+/// `remark` becomes the line's comment if it has none.
 ///
 /// # Errors
-/// [`EditError::Form`] where the table is an inline table or the key a dotted one.
+/// [`EditError::Form`] where the table is an inline table or the key a dotted one, or the array has
+/// no such table.
 pub fn set(
     text: &str,
     table: &str,
@@ -39,6 +41,9 @@ pub fn set(
             out.replace_range(range, value);
         }
         Place::Table(at) => out.insert_str(at, &format!("{}\n", line(key, value, remark))),
+        Place::Nowhere if table.ends_with(']') => {
+            return Err(EditError::Form(format!("{table}.{key}")));
+        }
         Place::Nowhere => {
             if !(out.is_empty() || out.ends_with('\n')) {
                 out.push('\n');
@@ -50,12 +55,21 @@ pub fn set(
     let wanted = format!("v = {value}").parse::<toml::Table>().ok();
     let wanted = wanted.as_ref().and_then(|t| t.get("v"));
     let now = out.parse::<toml::Table>().ok();
-    let now = now.as_ref().and_then(|t| t.get(table)?.get(key));
+    let now = now.as_ref().and_then(|t| match element(table) {
+        Some((name, index)) => t.get(name)?.get(index)?.get(key),
+        None => t.get(table)?.get(key),
+    });
     if wanted.is_some() && now == wanted {
         Ok(out)
     } else {
         Err(EditError::Form(format!("{table}.{key}")))
     }
+}
+
+/// Name and index of `strip[2]`.
+fn element(table: &str) -> Option<(&str, usize)> {
+    let (name, index) = table.strip_suffix(']')?.split_once('[')?;
+    Some((name, index.parse().ok()?))
 }
 
 fn line(key: &str, value: &str, remark: Option<&str>) -> String {
@@ -72,7 +86,10 @@ enum Place {
 }
 
 fn find(text: &str, table: &str, key: &str) -> Place {
-    let header = format!("[{table}]");
+    let (header, mut before) = match element(table) {
+        Some((name, index)) => (format!("[[{name}]]"), index),
+        None => (format!("[{table}]"), 0),
+    };
     let mut inside = false;
     let mut place = Place::Nowhere;
     let mut at = 0;
@@ -81,8 +98,12 @@ fn find(text: &str, table: &str, key: &str) -> Place {
         let start = at;
         at += line.len();
         if content.starts_with('[') {
-            inside = content == header;
-            if inside {
+            inside = content == header && before == 0;
+            if content == header && before > 0 {
+                before -= 1;
+            } else if inside {
+                // Only the first of that name, or the one asked for.
+                before = usize::MAX;
                 place = Place::Table(at);
             }
         } else if inside
@@ -161,6 +182,32 @@ mod tests {
                 ..frame
             },
             before
+        );
+    }
+
+    #[test]
+    fn one_of_several_tables_changes() {
+        let edited = set(CABLAR, "strip[2]", "width_m", "0.8012", Some("measured")).unwrap();
+        let edited = set(&edited, "strip[0]", "x_m", "[-0.7, 0.7]", None).unwrap();
+        let before = Frame::parse(CABLAR, Path::new("frame.toml")).unwrap();
+        let mut after = before.clone();
+        after.strips[2].width_m = 0.8012;
+        after.strips[0].x_m = Some([-0.7, 0.7]);
+        assert_eq!(
+            Frame::parse(&edited, Path::new("frame.toml")).unwrap(),
+            after
+        );
+        assert!(edited.contains("width_m = 0.8012 # measured\n"));
+        assert!(set(CABLAR, "strip[4]", "width_m", "0.8", None).is_err());
+        assert!(
+            set(
+                "strip = [{ width_m = 1.0 }]\n",
+                "strip[0]",
+                "width_m",
+                "0.8",
+                None
+            )
+            .is_err()
         );
     }
 

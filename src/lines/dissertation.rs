@@ -114,12 +114,15 @@ impl Strategy {
     }
 
     /// Puts a scan's three lines into `out`, which has begun with the scan; false where one of them
-    /// was not found. Without a prediction the lines are looked for everywhere.
+    /// was not found. Without a prediction, or where it was
+    /// too far off, the lines are looked for everywhere.
     pub fn find_lines(&mut self, scan: &Scan, out: &mut ReflectorLines) -> bool {
         let lines = self.find(scan);
         self.previous = lines.map(|lines| lines.map(|line| line.normal));
         let Some(lines) = lines else { return false };
         [out.right, out.upper, out.left] = lines;
+        // None was taken out.
+        out.range_bias_m = 0.0;
         true
     }
 
@@ -135,23 +138,34 @@ impl Strategy {
             self.y_m.push((range_m * cos) as f32);
             self.z_m.push((range_m * sin) as f32);
         }
-        let predicted = match self.previous {
-            Some(lines) => lines,
-            None => self
+        let tracked = self.previous.and_then(|lines| self.find_near(scan, &lines));
+        tracked.or_else(|| {
+            let ranges_m = &scan.ranges_m;
+            let lines = self
                 .cold
-                .find(&self.table, &scan.ranges_m, self.dy_m, self.gap_m)?,
-        };
+                .find(&self.table, ranges_m, self.dy_m, self.gap_m)?;
+            self.find_near(scan, &lines)
+        })
+    }
+
+    /// Steps 1 to 4 about a prediction; none where that was too far off.
+    fn find_near(&mut self, scan: &Scan, predicted: &[NormalLine; 3]) -> Option<[FittedLine; 3]> {
         let points = [&self.y_m[..], &self.z_m[..]];
+        let window = &self.options.window;
         let found = self
             .transform
-            .find(points, &predicted, &self.options.window, scan.scan_time_s);
-        let mut lines = predicted;
+            .find(points, predicted, window, scan.scan_time_s);
+        let mut lines = *predicted;
         for (line, found) in lines.iter_mut().zip(found) {
             let ([d_m, alpha_rad], votes) = found?;
             if votes < self.options.min_points {
                 return None;
             }
             *line = NormalLine::new(d_m, alpha_rad);
+        }
+        // Two walls that are not a frame's width apart: one of them is what stands behind it.
+        if (lines[0].d_m + lines[2].d_m - self.dy_m).abs() > WIDTH_M {
+            return None;
         }
         let sectors = self.sectors(&lines)?;
         let mut fitted = [FittedLine::default(); 3];
@@ -290,6 +304,9 @@ impl Strategy {
 
 /// Noise is never taken smaller than this (quantisation of the ranges), m.
 const SIGMA_FLOOR_M: f64 = 0.0005;
+
+/// The walls' distances add up to the frame's width to within this, m: range bias and yaw.
+const WIDTH_M: f64 = 0.15;
 
 /// Where two lines meet, m; none where they are parallel.
 fn corner_m(a: &NormalLine, b: &NormalLine) -> Option<[f64; 2]> {

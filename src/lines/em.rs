@@ -170,7 +170,12 @@ impl Extractor for Em {
         self.pool.begin(&self.returns);
         let groups: Vec<(usize, usize)> = self.returns.groups().collect();
         for (from, to) in groups {
-            self.search(from..to, &mut rng, out);
+            // Beams that were left aside may be of a line that lacked them.
+            let mut before = usize::MAX;
+            while out.len() != before {
+                before = out.len();
+                self.search(from..to, &mut rng, out);
+            }
         }
         self.assembly.end(out);
     }

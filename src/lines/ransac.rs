@@ -221,7 +221,12 @@ impl Extractor for Ransac {
         self.trials = 0;
         let groups: Vec<(usize, usize)> = self.returns.groups().collect();
         for (from, to) in groups {
-            self.search(from..to, &mut rng, out);
+            // Beams that were left aside may be of a line that lacked them.
+            let mut before = usize::MAX;
+            while out.len() != before {
+                before = out.len();
+                self.search(from..to, &mut rng, out);
+            }
         }
         self.assembly.end(out);
     }

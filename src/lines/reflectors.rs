@@ -12,15 +12,17 @@
 //! pile up in that plane *and* one background gap behind it. Later scans start from the one before.
 
 pub(super) mod cold_start;
+mod sums;
 
 use crate::frame::Frame;
 use crate::record::{
-    BeamTable, FittedLine, NormalLine, ReflectorLines, Scan, ScanMotion, upper_index,
+    BeamTable, FittedLine, NormalLine, ReflectorLines, Scan, ScanMotion, Stamp, upper_index,
 };
 use cold_start::ColdStart;
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::Range;
+use sums::{LineSums, N, Sector, Solution, TUKEY, WEIGHTED_SQUARE, Weighting};
 
 /// How the lines are fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,18 +50,23 @@ impl Default for Options {
 
 /// Gates around a coarse prediction, then none: the fit's own, m.
 const COLD_GATES_M: [f64; 8] = [0.20, 0.20, 0.15, 0.15, 0.10, 0.10, 0.06, 0.04];
-const TRACK_GATES_M: [f64; 2] = [0.08, 0.04];
-/// Passes with the final gate and Huber weights.
-const FINAL_PASSES: usize = 3;
-/// Residuals beyond this many sigma are weighted down, and beyond four left out.
-const HUBER: f64 = 2.5;
+const TRACK_GATES_M: [f64; 1] = [0.08];
+/// A scan that is later than this is not where the motion of the one before leads, s.
+const LONGEST_STEP_S: f64 = 0.2;
+/// Passes with the fit's own weights: until one moves the estimate by less than this, squared and
+/// in units of its own uncertainty (reweighting converges by a factor of ten a pass, so that a
+/// twentieth of the uncertainty is left, which costs an eighth of a per cent of it) ...
+const SMALL_STEP2: f64 = 0.25;
+/// ... but as many at most.
+const FINAL_PASSES: usize = 5;
 /// Sigma is never taken smaller than this (quantisation of the ranges), m.
 const SIGMA_FLOOR_M: f64 = 0.0005;
+/// Nor larger, m.
+const SIGMA_CEILING_M: f64 = 0.05;
+/// Weights never vanish nearer than this, m.
+const TUKEY_MIN_M: f64 = 0.012;
 /// Sigma before residuals are known, m.
 const SIGMA_START_M: f64 = 0.0065;
-
-/// Number of fitted parameters: d and alpha of three lines, and the bias.
-const N: usize = 7;
 
 /// Fits the three lines, scan after scan.
 #[derive(Clone, Debug)]
@@ -78,6 +85,7 @@ pub struct ReflectorFit {
 /// The scan before, as a prediction.
 #[derive(Clone, Copy, Debug)]
 struct Previous {
+    stamp: Stamp,
     lines: [NormalLine; 3],
     bias_m: f64,
     sigma_m: f64,
@@ -93,15 +101,49 @@ pub struct JointLines {
     pub bias_m: f64,
     /// Covariance in the order of [`crate::record::LINE_STATE`].
     pub covariance: SMatrix<f64, N, N>,
+    /// Change of the parameters with the motion taken out of the scan: a column each for the
+    /// velocity along y and z (per m/s) and the roll rate (per rad/s).
+    pub sensitivity: SMatrix<f64, N, 3>,
     /// Beams on each line.
     pub points: [u32; 3],
     /// Root mean square of each line's range residuals, m.
     pub rms_m: [f64; 3],
     /// Standard deviation of one range, given or from the residuals, m.
     pub sigma_m: f64,
+    /// Beams beside each line, and one background gap in front of it.
+    around: [[f64; 2]; 3],
+}
+
+impl Previous {
+    /// Where the lines are when the next scan is taken, if the scanner moves as it does.
+    fn moved(&self, stamp: Stamp, motion: ScanMotion) -> [NormalLine; 3] {
+        let span_s = stamp.since_s(self.stamp);
+        if motion.is_rest() || !(span_s > 0.0 && span_s < LONGEST_STEP_S) {
+            return self.lines;
+        }
+        self.lines.map(|line| {
+            let (sin, cos) = line.alpha_rad.sin_cos();
+            let nearer_m = (motion.vy_m_s * cos + motion.vz_m_s * sin) * span_s;
+            NormalLine::new(
+                line.d_m - nearer_m,
+                line.alpha_rad - motion.roll_rad_s * span_s,
+            )
+        })
+    }
 }
 
 impl JointLines {
+    /// Changes the parameters by a small step, and says how well they are known now.
+    pub fn adjust(&mut self, step: &SVector<f64, N>, covariance: SMatrix<f64, N, N>) {
+        for (k, line) in self.lines.iter_mut().enumerate() {
+            if self.points[k] > 0 {
+                *line = NormalLine::new(line.d_m + step[2 * k], line.alpha_rad + step[2 * k + 1]);
+            }
+        }
+        self.bias_m += step[6];
+        self.covariance = covariance;
+    }
+
     /// Which of right, upper, left was seen.
     pub fn seen(&self, options: &Options) -> [bool; 3] {
         self.points.map(|points| points >= options.min_points)
@@ -155,11 +197,11 @@ impl ReflectorFit {
             .filter(|_| self.options.track)
             .and_then(|previous| {
                 let start = Start {
-                    lines: previous.lines,
+                    lines: previous.moved(scan.stamp, motion),
                     bias_m: previous.bias_m,
                     sigma_m: previous.sigma_m,
                 };
-                let fit = self.refine(start, &TRACK_GATES_M)?;
+                let fit = self.refine(start, &TRACK_GATES_M, false)?;
                 self.is_plausible(&fit, Some(&previous)).then_some(fit)
             });
         let fit = tracked.or_else(|| {
@@ -174,11 +216,13 @@ impl ReflectorFit {
                     sigma_m,
                 },
                 &COLD_GATES_M,
+                true,
             )?;
             self.is_plausible(&fit, None).then_some(fit)
         });
         let fit = fit.map(|fit| self.with_hidden_wall(fit));
         self.previous = fit.as_ref().map(|fit| Previous {
+            stamp: scan.stamp,
             lines: fit.lines,
             bias_m: fit.bias_m,
             sigma_m: fit.sigma_m,
@@ -201,105 +245,87 @@ impl ReflectorFit {
         fit
     }
 
-    /// Gauss-Newton with shrinking gates, then with the fit's own gate and Huber weights.
-    fn refine(&self, start: Start, gates_m: &[f64]) -> Option<JointLines> {
+    /// Gauss-Newton with shrinking gates, then with the fit's own weights.
+    fn refine(&self, start: Start, gates_m: &[f64], cold: bool) -> Option<JointLines> {
         let Start {
             mut lines,
             mut bias_m,
             mut sigma_m,
         } = start;
-        let mut sums = [LineSums::default(); 3];
-        let mut covariance = SMatrix::<f64, N, N>::zeros();
-        for pass in 0..gates_m.len() + FINAL_PASSES {
+        let options = &self.options;
+        let mut pass = 0;
+        let (sums, solution, at) = loop {
             let coarse = gates_m.get(pass).copied();
-            let gate_m = coarse.unwrap_or_else(|| (4.0 * sigma_m).max(0.012));
-            let huber_m = if coarse.is_some() {
-                f64::INFINITY
-            } else {
-                HUBER * sigma_m
+            let tukey_m = (TUKEY * sigma_m).max(TUKEY_MIN_M);
+            let weighting = Weighting {
+                gate_m: coarse.unwrap_or(tukey_m),
+                tukey_m: coarse.map_or(tukey_m, |_| f64::INFINITY),
+                gap_m: self.gap_m.unwrap_or(f64::INFINITY),
             };
             let sectors = sectors(&lines, &self.beams);
-            for k in 0..3 {
-                let s = sectors[k].clone();
-                sums[k] = LineSums::over(
-                    &lines[k],
-                    bias_m,
-                    &self.beams,
-                    &self.ranges_m,
-                    s,
-                    [gate_m, huber_m],
-                );
+            let motion = self.beams.motion();
+            let mut sums = [LineSums::default(); 3];
+            for ((sums, line), sector) in sums.iter_mut().zip(&lines).zip(sectors) {
+                let sector = self.sector(sector);
+                *sums = match coarse {
+                    Some(_) => LineSums::over::<false>(line, bias_m, motion, sector, weighting),
+                    None => LineSums::over::<true>(line, bias_m, motion, sector, weighting),
+                };
             }
-            let (step, cov) = self.solve(&sums, bias_m, sigma_m)?;
-            covariance = cov;
-            for k in 0..3 {
+            let solution = Solution::new(
+                &sums,
+                bias_m,
+                sigma_m,
+                options.bias_sigma_m,
+                options.min_points,
+            )?;
+            let at = lines;
+            for (k, line) in lines.iter_mut().enumerate() {
                 // Steps are bounded: a wild first gate must not turn a line over.
-                let d_m = lines[k].d_m + step[2 * k].clamp(-0.3, 0.3);
-                let alpha_rad = lines[k].alpha_rad + step[2 * k + 1].clamp(-0.05, 0.05);
-                lines[k] = NormalLine::new(d_m, alpha_rad);
+                let d_m = line.d_m + solution.step[2 * k].clamp(-0.3, 0.3);
+                let alpha_rad = line.alpha_rad + solution.step[2 * k + 1].clamp(-0.05, 0.05);
+                *line = NormalLine::new(d_m, alpha_rad);
             }
-            bias_m = (bias_m + step[6]).clamp(-0.2, 0.2);
-            if coarse.is_none() || pass + 1 == gates_m.len() {
-                sigma_m = self
-                    .options
+            bias_m = (bias_m + solution.step[6]).clamp(-0.2, 0.2);
+            pass += 1;
+            let settled = coarse.is_none() && solution.length2 < SMALL_STEP2;
+            if settled || pass == gates_m.len() + FINAL_PASSES {
+                break (sums, solution, at);
+            }
+            // The scan before knows the noise better than residuals within a coarse gate do.
+            if coarse.is_none() || (cold && pass == gates_m.len()) {
+                sigma_m = options
                     .sigma_m
-                    .unwrap_or_else(|| residual_sigma(&sums));
+                    .unwrap_or_else(|| residual_sigma(&sums, coarse.is_none()));
             }
-        }
-        let points = [0, 1, 2].map(|k| sums[k].points);
-        if points
-            .iter()
-            .all(|points| *points < self.options.min_points)
-        {
+        };
+        let points = sums.map(|s| s.points as u32);
+        if points.iter().all(|points| *points < options.min_points) {
             return None;
         }
-        let rms_m = [0, 1, 2].map(|k| sums[k].rms_m());
         Some(JointLines {
             lines,
             bias_m,
-            covariance,
+            covariance: solution.covariance(),
+            sensitivity: solution.sensitivity(&sums, &at),
             points,
-            rms_m,
-            sigma_m,
+            rms_m: sums.map(|s| s.rms_m()),
+            sigma_m: options
+                .sigma_m
+                .unwrap_or_else(|| residual_sigma(&sums, true)),
+            around: sums.map(|s| [s.beside, s.in_front]),
         })
     }
 
-    /// One Gauss-Newton step and the inverse information.
-    fn solve(
-        &self,
-        sums: &[LineSums; 3],
-        bias_m: f64,
-        sigma_m: f64,
-    ) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
-        let mut information = SMatrix::<f64, N, N>::zeros();
-        let mut gradient = SVector::<f64, N>::zeros();
-        let weight = 1.0 / (sigma_m * sigma_m);
-        for (k, s) in sums.iter().enumerate() {
-            let (d, a) = (2 * k, 2 * k + 1);
-            if s.points < self.options.min_points {
-                // Not seen: held where it is by a weak prior, which never reaches the stream.
-                information[(d, d)] = 1.0;
-                information[(a, a)] = 1.0;
-                continue;
-            }
-            information[(d, d)] = s.dd * weight;
-            information[(d, a)] = s.da * weight;
-            information[(a, d)] = s.da * weight;
-            information[(a, a)] = s.aa * weight;
-            information[(d, 6)] = s.d1 * weight;
-            information[(6, d)] = s.d1 * weight;
-            information[(a, 6)] = s.a1 * weight;
-            information[(6, a)] = s.a1 * weight;
-            information[(6, 6)] += s.w * weight;
-            gradient[d] = s.de * weight;
-            gradient[a] = s.ae * weight;
-            gradient[6] += s.we * weight;
+    /// The rays and ranges of a run of beams.
+    fn sector(&self, run: Range<usize>) -> Sector<'_> {
+        let first_s = self.beams.time_s(run.start);
+        Sector {
+            rays: &self.beams.cos_sin[run.clone()],
+            ranges_m: &self.ranges_m[run.clone()],
+            first_s,
+            step_s: self.beams.time_s(run.start + 1) - first_s,
         }
-        let prior = 1.0 / (self.options.bias_sigma_m * self.options.bias_sigma_m);
-        information[(6, 6)] += prior;
-        gradient[6] -= prior * bias_m;
-        let covariance = information.cholesky()?.inverse();
-        Some((covariance * gradient, covariance))
     }
 
     /// Whether the lines can be this frame's: right angles between them, the walls a width apart,
@@ -335,30 +361,40 @@ impl ReflectorFit {
             return false;
         }
         // A line that was drawn through half of a reflector's points has the other half beside it.
-        let beside = |k: usize| self.count_near(fit, k, 0.0, 0.15) * 4 > fit.points[k] as usize * 5;
+        let beside = |k: usize| fit.around[k][0] * 4.0 > f64::from(fit.points[k]) * 5.0;
         if beside(0) || beside(1) || beside(2) {
             return false;
         }
         // Tracking may have slipped onto the surface behind the strips: then the strips themselves
         // stand one gap in front of the line.
-        let Some(gap_m) = self.gap_m else { return true };
-        let in_front = self.count_near(fit, 1, -gap_m, 0.06);
-        in_front * 5 < fit.points[1].max(1) as usize
+        fit.around[1][1] * 5.0 < f64::from(fit.points[1].max(1))
     }
 
-    /// Beams of a sector within `reach_m` of the line moved outward by `offset_m`.
-    fn count_near(&self, fit: &JointLines, k: usize, offset_m: f64, reach_m: f64) -> usize {
-        let line = fit.lines[k];
-        let (sin, cos) = line.alpha_rad.sin_cos();
-        let sector = sectors(&fit.lines, &self.beams)[k].clone();
-        sector
-            .filter(|i| {
-                let ((c, s), (y_m, z_m)) = (self.beams.cos_sin[*i], self.beams.origin_m(*i));
-                let range_m = self.ranges_m[*i] - fit.bias_m;
-                let along_m = range_m * (c * cos + s * sin) + (y_m * cos + z_m * sin);
-                (along_m - line.d_m - offset_m).abs() < reach_m
-            })
-            .count()
+    /// The scan as it would have been at rest, by the published correction of beam lengths
+    /// (Kurniawan 2017, eq. 3.22 to 3.29): every range becomes that from the reference origin
+    /// along the same angle to the same reflector. Lines come out right. Points do not: along the
+    /// reflector each stays off by the way that the scanner went, so edges are moved.
+    pub fn by_beam_length(&self, scan: &Scan, fit: &JointLines, motion: ScanMotion) -> Scan {
+        let mut corrected = scan.clone();
+        let mut at_rest = BeamTable::default();
+        at_rest.fit(scan);
+        let origins = ScanMotion {
+            roll_rad_s: 0.0,
+            ..motion
+        };
+        // Which reflector a beam met is known from where it really was.
+        for (line, run) in fit.lines.iter().zip(sectors(&fit.lines, &self.beams)) {
+            let (sin, cos) = line.alpha_rad.sin_cos();
+            let normal_m_s = origins.vy_m_s * cos + origins.vz_m_s * sin;
+            for i in run {
+                let (u, v) = at_rest.cos_sin[i];
+                let longer_m = normal_m_s * at_rest.time_s(i) / (u * cos + v * sin);
+                if longer_m.is_finite() {
+                    corrected.ranges_m[i] += longer_m;
+                }
+            }
+        }
+        corrected
     }
 
     /// Writes a fit into a lines record.
@@ -408,89 +444,17 @@ struct Start {
     sigma_m: f64,
 }
 
-/// Weighted sums of one line's normal equations: Jacobian entries d, a, 1 and residual e.
-#[derive(Clone, Copy, Debug, Default)]
-struct LineSums {
-    dd: f64,
-    da: f64,
-    aa: f64,
-    d1: f64,
-    a1: f64,
-    w: f64,
-    de: f64,
-    ae: f64,
-    we: f64,
-    ee: f64,
-    points: u32,
-}
-
-impl LineSums {
-    /// Sums over the beams within the gate. No return (infinite or NaN) is never within it.
-    fn over(
-        line: &NormalLine,
-        bias_m: f64,
-        beams: &BeamTable,
-        ranges_m: &[f64],
-        sector: Range<usize>,
-        [gate_m, huber_m]: [f64; 2],
-    ) -> LineSums {
-        let (sin_alpha, cos_alpha) = line.alpha_rad.sin_cos();
-        let mut s = LineSums::default();
-        let first = sector.start;
-        let rays = beams.cos_sin[sector.clone()].iter().zip(&ranges_m[sector]);
-        for (i, ((cos, sin), range_m)) in rays.enumerate() {
-            // phi = delta - alpha; range = (d - origin along the normal) / cos(phi).
-            let (y_m, z_m) = beams.origin_m(first + i);
-            let cos_phi = cos * cos_alpha + sin * sin_alpha;
-            let inverse = 1.0 / cos_phi;
-            let predicted_m = (line.d_m - (y_m * cos_alpha + z_m * sin_alpha)) * inverse;
-            let e = range_m - bias_m - predicted_m;
-            let magnitude = e.abs();
-            if !(magnitude < gate_m) {
-                continue;
-            }
-            let sin_phi = sin * cos_alpha - cos * sin_alpha;
-            let w = if magnitude > huber_m {
-                huber_m / magnitude
-            } else {
-                1.0
-            };
-            let d = inverse;
-            let a = -(predicted_m * sin_phi + (z_m * cos_alpha - y_m * sin_alpha)) * inverse;
-            let (wd, wa) = (w * d, w * a);
-            s.dd += wd * d;
-            s.da += wd * a;
-            s.aa += wa * a;
-            s.d1 += wd;
-            s.a1 += wa;
-            s.w += w;
-            s.de += wd * e;
-            s.ae += wa * e;
-            s.we += w * e;
-            s.ee += w * e * e;
-            s.points += 1;
-        }
-        s
-    }
-
-    fn rms_m(&self) -> f64 {
-        if self.w > 0.0 {
-            (self.ee / self.w).sqrt()
-        } else {
-            f64::NAN
-        }
-    }
-}
-
-/// Standard deviation of one range from the residuals of all lines.
-fn residual_sigma(sums: &[LineSums; 3]) -> f64 {
+/// Standard deviation of one range from the residuals of all lines, weighted or not.
+fn residual_sigma(sums: &[LineSums; 3], weighted: bool) -> f64 {
     let (ee, w) = sums
         .iter()
         .fold((0.0, 0.0), |(ee, w), s| (ee + s.ee, w + s.w));
     let freedom = w - N as f64;
     if freedom > 10.0 {
-        // Down-weighting takes a few per cent off the spread of Gaussian residuals.
-        ((ee / freedom).sqrt() * 1.008).clamp(SIGMA_FLOOR_M, 0.05)
+        let taken = if weighted { WEIGHTED_SQUARE } else { 1.0 };
+        (ee / freedom / taken)
+            .sqrt()
+            .clamp(SIGMA_FLOOR_M, SIGMA_CEILING_M)
     } else {
         SIGMA_START_M
     }

@@ -124,6 +124,11 @@ impl Axis {
         &self.character
     }
 
+    /// How probable each level is.
+    pub fn probability(&self) -> [f64; LEVELS] {
+        self.probability
+    }
+
     /// The pairs of level and estimate in use.
     fn used(&self) -> impl Iterator<Item = (&Level, &Estimate, f64)> {
         self.character

@@ -1,5 +1,6 @@
 //! Trajectories of the platform: profiles of speed along a path, paths in the robot frame, and
-//! motion interpolated from recorded points; prediction: poses carried to the time they are used.
+//! motion interpolated from recorded points; prediction: poses carried to the time they are used;
+//! deskew: the motion within a scan.
 //!
 //! A [`Motion`] says for every instant where the platform is, which way it is turned and how both
 //! change. Times are seconds after the motion's start; before it and after its end the platform
@@ -8,8 +9,10 @@
 
 mod axis;
 mod carry;
+mod deskew;
 mod guide;
 mod inertia;
+mod liveliness;
 mod path;
 mod profile;
 mod sampled;
@@ -17,8 +20,10 @@ mod tracker;
 mod turn;
 
 pub use carry::{Carrier, CarryMethod, CarryOptions};
+pub use deskew::{AT_REST, Deskewed, KnownMotion, LineFit, Relation, SelfMotion, guided};
 pub use guide::Guide;
 pub use inertia::Inertia;
+pub use liveliness::{Gait, Liveliness};
 pub use path::{Pose, Shuttle, Straight, Wobble};
 pub use profile::{Limits, Profile, Quintic, SCurve, Travel};
 pub use sampled::{Sampled, SampledError};

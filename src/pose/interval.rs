@@ -53,37 +53,49 @@ pub fn propagate<const N: usize>(
     for _ in 0..sweeps {
         let mut change = 0.0f64;
         for (factor, site) in boxes.iter().zip(sites.iter_mut()) {
-            let gain = state.along(&factor.row);
-            let variance = factor.row.dot(&gain);
-            let mean = factor.row.dot(&state.mean);
-            let free = 1.0 - variance * site.tau;
-            if !(free > 1e-9 && variance > 0.0) {
-                continue;
-            }
-            let cavity_variance = variance / free;
-            let cavity_mean = (mean - variance * site.nu) / free;
-            let (new_mean, new_variance) = box_moments(cavity_mean, cavity_variance, factor);
-            let wanted_tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
-            let wanted_nu = if wanted_tau > 0.0 {
-                new_mean / new_variance - cavity_mean / cavity_variance
-            } else {
-                0.0
-            };
-            let d_tau = share * (wanted_tau - site.tau);
-            let d_nu = share * (wanted_nu - site.nu);
-            site.tau += d_tau;
-            site.nu += d_nu;
-            let pull = d_nu - d_tau * mean;
-            change = change
-                .max(pull.abs() * variance.sqrt())
-                .max((d_tau * variance).abs());
-            state.tighten(&gain, variance, d_tau, pull);
+            change = change.max(revise(state, factor, site, 1.0, share));
         }
         share = DAMPING;
         if change < SETTLED {
             break;
         }
     }
+}
+
+/// Brings one box's factor nearer to what it should be against all else that the state knows, by this
+/// share of the way. The state holds the factor `copies` times, for as many boxes that are alike but
+/// independent. Returns by how much that changed the state, in standard deviations.
+pub fn revise<const N: usize>(
+    state: &mut Gaussian<N>,
+    factor: &BoxFactor<N>,
+    site: &mut Site,
+    copies: f64,
+    share: f64,
+) -> f64 {
+    let gain = state.along(&factor.row);
+    let variance = factor.row.dot(&gain);
+    let mean = factor.row.dot(&state.mean);
+    let free = 1.0 - variance * site.tau;
+    if !(free > 1e-9 && variance > 0.0) {
+        return 0.0;
+    }
+    let cavity_variance = variance / free;
+    let cavity_mean = (mean - variance * site.nu) / free;
+    let (new_mean, new_variance) = box_moments(cavity_mean, cavity_variance, factor);
+    let wanted_tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
+    let wanted_nu = if wanted_tau > 0.0 {
+        new_mean / new_variance - cavity_mean / cavity_variance
+    } else {
+        0.0
+    };
+    let d_tau = share / copies * (wanted_tau - site.tau);
+    let d_nu = share / copies * (wanted_nu - site.nu);
+    site.tau += d_tau;
+    site.nu += d_nu;
+    let (d_tau, d_nu) = (copies * d_tau, copies * d_nu);
+    let pull = d_nu - d_tau * mean;
+    state.tighten(&gain, variance, d_tau, pull);
+    (pull.abs() * variance.sqrt()).max((d_tau * variance).abs())
 }
 
 /// Mean and variance of a Gaussian restricted to a softened box that is not beyond doubt.
@@ -126,6 +138,24 @@ fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) 
         return (bound, variance * soft / (variance + soft));
     }
     (mean + step, within.clamp(variance * 1e-9, variance))
+}
+
+/// Mean and variance of a Gaussian restricted to an interval whose bounds are blurred by a Gaussian
+/// of standard deviation `softness`.
+pub(super) fn truncated(
+    mean: f64,
+    variance: f64,
+    [low, high]: [f64; 2],
+    softness: f64,
+) -> (f64, f64) {
+    let factor = BoxFactor::<1> {
+        row: SVector::zeros(),
+        low,
+        high,
+        softness,
+        doubt: 0.0,
+    };
+    box_moments(mean, variance, &factor)
 }
 
 /// A box that holds this share of the Gaussian is not doubted.

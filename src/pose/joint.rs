@@ -17,8 +17,11 @@ mod edges;
 mod lines;
 mod state;
 
+pub(super) use edges::Boundary;
 pub use edges::{PointFactor, interval, point};
+pub(super) use lines::WhiteLines;
 pub use state::{BIAS, FOOTPRINT, PITCH, ROLL, STATE, THRESHOLD, Vector, X, Y, YAW, Z};
+pub(super) use state::{hit_share, threshold_mean};
 
 use super::gaussian::Gaussian;
 use super::interval::{BoxFactor, Site, propagate};
@@ -26,7 +29,7 @@ use super::pitch::{self, Pitch};
 use crate::frame::{Frame, ScannerPose};
 use crate::record::{Face, Pose, ReflectorLines, Status, upper_index};
 use edges::decorrelate;
-use lines::{WhiteLines, seen_status, start};
+use lines::{seen_status, start};
 use state::bounded;
 
 /// Prior widths and limits of the joint estimator.
@@ -84,6 +87,15 @@ enum Use {
     Interval,
     /// Nothing: it contradicts the others, or belongs to no strip.
     Nothing,
+}
+
+/// Where a measurement comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// The reflector lines.
+    Lines,
+    /// A strip edge between the beams.
+    Edge,
 }
 
 /// What a scan says of the state.
@@ -274,18 +286,46 @@ impl Estimator {
     /// `base` under the sub-beam edges, each freed of what it shares with the one before.
     fn with_points(&self, lines: &ReflectorLines, base: &Gaussian<STATE>) -> Gaussian<STATE> {
         let mut state = *base;
+        for factor in self.independent_points(lines) {
+            state.observe(&factor.row, factor.value, factor.variance);
+        }
+        state
+    }
+
+    /// The sub-beam edges, each freed of what it shares with the one before.
+    fn independent_points(&self, lines: &ReflectorLines) -> impl Iterator<Item = PointFactor> {
         let mut last: Option<(usize, PointFactor)> = None;
-        for (index, factor) in self.point_edges.iter().zip(&self.points) {
+        let points = self.point_edges.iter().zip(&self.points);
+        points.map(move |(index, factor)| {
             let mut own = *factor;
             if let Some((before, first)) = &last
                 && before + 1 == *index
             {
                 own = decorrelate(first, factor, lines.edges[*before].cov_next_rad2);
             }
-            state.observe(&own.row, own.value, own.variance);
             last = Some((*index, own));
-        }
-        state
+            own
+        })
+    }
+
+    /// What the last estimate took from lines and sub-beam edges, as independent measurements: the
+    /// lines linearised at `at`, the edges where the estimate had them. `lines` are those of the
+    /// estimate; its intervals are [`Estimator::intervals`].
+    pub fn measurements(
+        &self,
+        lines: &ReflectorLines,
+        at: &Vector,
+    ) -> Vec<(Measured, PointFactor)> {
+        let pose = pose_at(&self.frame, at);
+        let white = WhiteLines::new(lines);
+        let of_lines = white
+            .iter()
+            .flat_map(|white| white.factors(lines, &pose, at));
+        let of_edges = self.independent_points(lines);
+        of_lines
+            .map(|factor| (Measured::Lines, factor))
+            .chain(of_edges.map(|factor| (Measured::Edge, factor)))
+            .collect()
     }
 
     /// `base` under the sub-beam edges and the middles of the intervals, with the variance of an even

@@ -41,6 +41,18 @@ pub(crate) fn scattered_with(
         position_m: [[-0.05, 0.05], [-4.0, 4.0], z_m],
         rotation_rad: [[-tilt, tilt]; 3],
     };
+    scattered_within(frame, effects, parameters, count, &scatter, seed)
+}
+
+/// The same with the poses' limits given.
+pub(crate) fn scattered_within(
+    frame: &Frame,
+    effects: &str,
+    parameters: &Parameters,
+    count: u64,
+    scatter: &Scatter,
+    seed: u64,
+) -> Vec<Step> {
     let model = ScannerModel::by_name("lms511-hr").unwrap();
     let mut simulator = Simulator::new(Setup {
         frame: frame.clone(),

@@ -3,6 +3,7 @@
 
 mod args;
 mod cola;
+mod dilution;
 mod office;
 mod serve;
 mod serve_args;
@@ -24,6 +25,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     // The derived arguments do not tell what was written from what is a default.
     if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
         args::refuse_foreign(&args, &written)?;
+    }
+    if args.dilution.dilution {
+        return dilution::run(&args);
     }
     if args.scene.scene.is_some() {
         return office::run(&args);

@@ -176,8 +176,11 @@ fn message(invoke_id: u32, service: u32, source: AmsAddress, items: &[(u16, Vec<
     out
 }
 
+/// A message's tags and what they hold.
+type Items<'a> = Vec<(u16, &'a [u8])>;
+
 /// Invoke id, service and items of a message.
-fn parse(message: &[u8]) -> Option<(u32, u32, Vec<(u16, &[u8])>)> {
+fn parse(message: &[u8]) -> Option<(u32, u32, Items<'_>)> {
     let mut bytes = Bytes(message);
     if bytes.u32()? != COOKIE {
         return None;

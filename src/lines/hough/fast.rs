@@ -280,7 +280,13 @@ impl Extractor for FastHough {
         self.looked_into = 0;
         let groups: Vec<(usize, usize)> = self.returns.groups().collect();
         for (from, to) in groups {
-            self.search(from..to, out);
+            // Points that voted in vain may be of a line that lacked them.
+            let mut before = usize::MAX;
+            while out.len() != before {
+                before = out.len();
+                self.spent.fill(false);
+                self.search(from..to, out);
+            }
         }
         self.assembly.end(out);
     }

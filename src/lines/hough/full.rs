@@ -81,9 +81,35 @@ impl Extractor for Hough {
     }
 }
 
+/// Takes the lines of a group of beams. Beams whose peaks were no lines vote no more, which may
+/// cost a line its votes: so the beams left all vote again as long as that finds something.
+pub(super) fn transform(
+    returns: &Returns,
+    group: Range<usize>,
+    options: &HoughOptions,
+    columns: &mut Columns,
+    pool: &mut Pool,
+    assembly: &mut Assembly,
+    out: &mut Vec<Segment>,
+) {
+    let mut before = usize::MAX;
+    while out.len() != before {
+        before = out.len();
+        sweep(
+            returns,
+            group.clone(),
+            options,
+            columns,
+            pool,
+            assembly,
+            out,
+        );
+    }
+}
+
 /// Takes one line after the other, the one with the most votes first, from the free beams of a
 /// group.
-pub(super) fn transform(
+fn sweep(
     returns: &Returns,
     group: Range<usize>,
     options: &HoughOptions,

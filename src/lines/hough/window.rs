@@ -54,11 +54,14 @@ impl Window {
     }
 }
 
+const LANES: usize = 4;
+
 /// The votes in a window; keeps its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Accumulator {
     /// Column by column; each has a row for the votes outside behind its own.
     cells: Vec<u16>,
+    lanes: Vec<u16>,
     rows: Vec<u32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -71,14 +74,16 @@ impl Accumulator {
         self.z.clear();
     }
 
-    /// Adds a point, m.
+    /// Adds a point, m; one that is not finite has no vote.
     #[inline]
     pub fn add(&mut self, y_m: f64, z_m: f64) {
-        self.y.push(y_m as f32);
-        self.z.push(z_m as f32);
+        if (y_m + z_m).is_finite() {
+            self.y.push(y_m as f32);
+            self.z.push(z_m as f32);
+        }
     }
 
-    /// Adds a point in single precision, m.
+    /// Adds a finite point in single precision, m.
     #[inline]
     pub(super) fn add_single(&mut self, y_m: f32, z_m: f32) {
         self.y.push(y_m);
@@ -107,10 +112,26 @@ impl Accumulator {
             for (row, (y, z)) in self.rows.iter_mut().zip(points) {
                 *row = row_of(y * cos + z * sin - from).min(outside);
             }
-            for row in &self.rows {
-                // Every row is at most the last.
-                if let Some(cell) = cells.get_mut(*row as usize) {
-                    *cell += 1;
+            // Neighbouring beams of one line vote for one cell: in lanes of their own, so that one
+            // count need not wait for the other.
+            self.lanes.clear();
+            self.lanes.resize(LANES * stride, 0);
+            let (fours, rest) = self.rows.as_chunks::<LANES>();
+            for rows in fours {
+                for (lane, row) in rows.iter().enumerate() {
+                    if let Some(count) = self.lanes.get_mut(lane * stride + *row as usize) {
+                        *count += 1;
+                    }
+                }
+            }
+            for row in rest {
+                if let Some(count) = self.lanes.get_mut(*row as usize) {
+                    *count += 1;
+                }
+            }
+            for lane in self.lanes.chunks_exact(stride) {
+                for (cell, count) in cells.iter_mut().zip(lane) {
+                    *cell += *count;
                 }
             }
         }

@@ -2,6 +2,7 @@ use super::*;
 use crate::frame::ScannerPose;
 use crate::record::{Face, TrajectoryPoint};
 use crate::simulate::staged::{frame, scattered};
+use nalgebra::SVector;
 
 const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 

@@ -28,17 +28,17 @@ pub struct PointFactor {
 }
 
 /// A strip's boundary as the beams pass it.
-struct Boundary {
+pub(in crate::pose) struct Boundary {
     face: Face,
     /// The axis along which the strip's width is measured: y on the ceiling, z on a wall.
     v: usize,
-    sign: f64,
-    slope: f64,
+    pub(in crate::pose) sign: f64,
+    pub(in crate::pose) slope: f64,
     offset_m: f64,
 }
 
 impl Boundary {
-    fn of(edge: &Edge, frame: &Frame) -> Option<Boundary> {
+    pub(in crate::pose) fn of(edge: &Edge, frame: &Frame) -> Option<Boundary> {
         let strip: &Strip = frame.strips.get(usize::try_from(edge.strip).ok()?)?;
         if strip.face != edge.face {
             return None;
@@ -60,12 +60,12 @@ impl Boundary {
     }
 
     /// g of a crossing, m.
-    fn g_m(&self, crossing: &Crossing) -> f64 {
+    pub(in crate::pose) fn g_m(&self, crossing: &Crossing) -> f64 {
         self.sign * (crossing.point_m[self.v] - self.offset_m - self.slope * crossing.point_m[0])
     }
 
     /// Derivative of g along a displacement of the crossing.
-    fn d_g(&self, d_point: &[f64; 3]) -> f64 {
+    pub(in crate::pose) fn d_g(&self, d_point: &[f64; 3]) -> f64 {
         self.sign * (d_point[self.v] - self.slope * d_point[0])
     }
 }
@@ -87,13 +87,14 @@ pub fn interval(
     for k in 0..6 {
         row[k] = 0.5 * (boundary.d_g(&from.d_point[k]) + boundary.d_g(&to.d_point[k]));
     }
-    // A threshold moves the edge's angle, which moves g by its slope over the angle.
+    let centre = row.dot(at);
+    // A threshold moves the edge's angle, which moves g by its slope over the angle. g is formed
+    // without it, so that all of the state's threshold counts, not what it changes by.
     let rate = (g_to_m - g_from_m) / (edge.to_rad - edge.from_rad);
     row[THRESHOLD] = -rate * edge.d_threshold;
     if !(g_from_m > g_to_m && row.iter().all(|r| r.is_finite())) {
         return None;
     }
-    let centre = row.dot(at);
     Some(BoxFactor {
         row,
         low: centre - g_from_m,

@@ -1,5 +1,6 @@
 //! What the reflector lines say of the state.
 
+use super::edges::PointFactor;
 use super::state::{BIAS, STATE, Vector, YAW};
 use crate::frame::ScannerPose;
 use crate::pose::gaussian::Gaussian;
@@ -12,15 +13,15 @@ const HELD_BIAS_M: f64 = 1e-6;
 
 /// The seven line parameters of a scan, whitened: independent measurements of unit variance.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WhiteLines {
+pub(in crate::pose) struct WhiteLines {
     /// Inverse of the covariance's Cholesky factor.
-    whitener: SMatrix<f64, 7, 7>,
-    known: [bool; 7],
+    pub(in crate::pose) whitener: SMatrix<f64, 7, 7>,
+    pub(in crate::pose) known: [bool; 7],
 }
 
 impl WhiteLines {
     /// None where the covariance is none.
-    pub(super) fn new(lines: &ReflectorLines) -> Option<WhiteLines> {
+    pub(in crate::pose) fn new(lines: &ReflectorLines) -> Option<WhiteLines> {
         let joint = lines.joint_cov.len() == 28;
         let mut known = [false, false, false, false, false, false, true];
         let mut covariance = SMatrix::<f64, 7, 7>::identity();
@@ -53,7 +54,7 @@ impl WhiteLines {
     }
 
     /// Rows and residuals (measured less predicted) at a state, of unit variance.
-    fn equations(
+    pub(in crate::pose) fn equations(
         &self,
         lines: &ReflectorLines,
         pose: &ScannerPose,
@@ -101,6 +102,26 @@ impl WhiteLines {
                 state.observe(&row, residual + row.dot(at), 1.0);
             }
         }
+    }
+
+    /// The lines, linearised at a state, as independent measurements.
+    pub(super) fn factors(
+        &self,
+        lines: &ReflectorLines,
+        pose: &ScannerPose,
+        at: &Vector,
+    ) -> impl Iterator<Item = PointFactor> {
+        let (rows, residuals) = self.equations(lines, pose, at);
+        let at = *at;
+        let known = self.known;
+        (0..7).filter(move |k| known[*k]).map(move |k| {
+            let row = rows.row(k).transpose();
+            PointFactor {
+                value: residuals[k] + row.dot(&at),
+                row,
+                variance: 1.0,
+            }
+        })
     }
 
     /// Squared misfit of the lines at a state in the metric of their covariance.

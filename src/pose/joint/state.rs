@@ -70,8 +70,8 @@ pub(super) fn prior(frame: &Frame, pitch: &Pitch, options: &Options) -> Gaussian
 
 /// By how many spot radii the spot's centre is outside a strip when a share of it is inside:
 /// the root of F(-q) = share, F(q) = 1/2 + (q sqrt(1 - q^2) + asin q)/pi.
-pub(super) fn threshold_mean(share: f64) -> f64 {
-    let inside = |q: f64| 0.5 + (q * (1.0 - q * q).sqrt() + q.asin()) / std::f64::consts::PI;
+pub(in crate::pose) fn threshold_mean(share: f64) -> f64 {
+    let inside = |q: f64| hit_share(-q);
     let (mut low, mut high) = (-1.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -82,6 +82,13 @@ pub(super) fn threshold_mean(share: f64) -> f64 {
         }
     }
     0.5 * (low + high)
+}
+
+/// The share of the spot that is inside a strip when its centre is `outside` spot radii off it:
+/// F(-outside).
+pub(in crate::pose) fn hit_share(outside: f64) -> f64 {
+    let q = (-outside).clamp(-1.0, 1.0);
+    0.5 + (q * (1.0 - q * q).sqrt() + q.asin()) / std::f64::consts::PI
 }
 
 /// Keeps a linearisation point where the geometry makes sense.

@@ -97,8 +97,11 @@ pub fn json(
     Ok(text)
 }
 
-/// Every statistic's name, as `--fail-if` takes it and JSON nests it at the point.
-const STATISTICS: [(&str, fn(&Score) -> f64); 17] = [
+/// A statistic's name, as `--fail-if` takes it and JSON nests it at the point, and its value.
+type Statistic = (&'static str, fn(&Score) -> f64);
+
+/// Every statistic.
+const STATISTICS: [Statistic; 17] = [
     ("true_lines", |s| s.true_lines as f64),
     ("lines", |s| s.lines as f64),
     ("matches", |s| s.matches as f64),

@@ -150,12 +150,12 @@ impl Run {
             }
             self.connect()?;
             if let Some(mailbox) = &self.mailbox {
-                if self.pending.is_none() || !self.wishes.every {
-                    if let Some(pose) = mailbox.take() {
-                        self.fresh_at = Instant::now();
-                        self.newest.clone_from(&pose);
-                        self.pending = Some(pose);
-                    }
+                if (self.pending.is_none() || !self.wishes.every)
+                    && let Some(pose) = mailbox.take()
+                {
+                    self.fresh_at = Instant::now();
+                    self.newest.clone_from(&pose);
+                    self.pending = Some(pose);
                 }
                 if over_at.is_none()
                     && let Some(ended) = mailbox.ended()

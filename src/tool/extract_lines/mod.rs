@@ -1,5 +1,6 @@
 //! extract-lines: scans in; reflector lines with strip edges, or the lines of any scene, out.
 
+mod deskew;
 mod general;
 mod reflectors;
 mod strategy;
@@ -21,7 +22,13 @@ use std::path::PathBuf;
     long_about = "Find straight lines in scans.\n\n\
         With a frame file: the frame's three reflector lines, fitted jointly with the range bias, \
         and the edges of its strips; one lines record a scan, for solve-pose. Without one: all \
-        lines of any scene; one segment record a line.",
+        lines of any scene; one segment record a line.\n\n\
+        Everything in a lines record is for its stamp_ns, the instant at which the beam at 90 deg \
+        fires. The motion of the scanner before and after it, within the scan, is taken out: by \
+        default it is found from the scans themselves, and the record says what it was \
+        (motion_vy_m_s, motion_vz_m_s, motion_roll_rad_s). The first scan, and one after a pause \
+        of a second, waits for the next, which tells its motion. A platform that stands still in \
+        each scan but elsewhere in the next, by less than 8 m/s, needs --deskew none.",
     after_long_help = EXAMPLES
 )]
 pub struct Args {
@@ -87,6 +94,8 @@ EXAMPLES
     simulate -f frame.toml | extract-lines -f frame.toml > lines.csv
   The walls of a room, from a scanner's recorded bytes:
     scan-capture --replay run.cola | extract-lines --method split-and-merge > segments.csv
+  A recorded run, the motion within each scan in hindsight:
+    extract-lines -f frame.toml --smooth scans.csv > lines.csv
   A scanner with 15 mm of noise, only lines of a metre or more:
     extract-lines --sigma-mm 15 --min-length-m 1 scans.csv > segments.csv
   The most likely lines, whatever it takes:

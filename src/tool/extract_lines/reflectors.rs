@@ -1,15 +1,17 @@
 //! Reflector lines and strip edges: the options and the stage.
 
+use super::deskew::{Deskew, DeskewArgs, Fitted};
 use super::positive;
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
 use crate::lines::reflectors::{self, ReflectorFit};
+use crate::motion::KnownMotion;
 use crate::record::{ReflectorLines, Scan};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
 use std::path::Path;
 
 /// Settings of the reflector fit.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Reflector lines")]
 pub(super) struct ReflectorArgs {
     /// Standard deviation of a range [default: from each scan's own residuals]
@@ -21,6 +23,8 @@ pub(super) struct ReflectorArgs {
     /// Look for the reflectors anew in every scan, without the scan before as a prediction
     #[arg(long)]
     cold: bool,
+    #[command(flatten)]
+    deskew: DeskewArgs,
 }
 
 impl ReflectorArgs {
@@ -35,6 +39,7 @@ impl ReflectorArgs {
             .iter()
             .find(|(given, _)| *given)
             .map(|(_, name)| *name)
+            .or_else(|| self.deskew.given())
     }
 
     fn options(&self) -> reflectors::Options {
@@ -58,8 +63,11 @@ pub(super) fn run(
         let text = "--method reflectors needs the frame: -f FILE";
         return Err(Fault::Usage(text.to_owned()).into());
     };
+    let fit = ReflectorFit::new(&frame, settings.options());
     let mut stage = Reflectors {
-        fit: ReflectorFit::new(&frame, settings.options()),
+        deskew: settings.deskew.open(&frame, &fit, input, options)?,
+        fit,
+        waiting: None,
         edges: EdgeMeter::new(&frame),
         lines: ReflectorLines::default(),
         without: 0,
@@ -71,10 +79,45 @@ pub(super) fn run(
 /// Scans in, the reflector lines and strip edges of each out.
 struct Reflectors {
     fit: ReflectorFit,
+    deskew: Deskew,
+    /// A scan whose motion the next one will tell, with its lines as far as they are known.
+    waiting: Option<Box<(Scan, ReflectorLines)>>,
     edges: EdgeMeter,
     lines: ReflectorLines,
     scans: u64,
     without: u64,
+}
+
+impl Reflectors {
+    /// Writes the lines of the scan that has waited, with what is known of its motion now.
+    fn let_go(
+        &mut self,
+        known: Option<&KnownMotion>,
+        emit: &mut Emit<'_, ReflectorLines>,
+    ) -> anyhow::Result<()> {
+        let Some(waiting) = self.waiting.take() else {
+            return Ok(());
+        };
+        let (scan, mut lines) = *waiting;
+        if let Some(known) = known {
+            let mut again = ReflectorLines::default();
+            again.begin(&scan);
+            let fitted = self
+                .deskew
+                .fit_again(&mut self.fit, &scan, known, &mut again);
+            if let Some(fitted) = fitted {
+                measure(&mut self.edges, &scan, &fitted, &mut again);
+                lines = again;
+            }
+        }
+        emit.write(&lines)
+    }
+}
+
+/// Measures the edges and says which motion was taken out.
+fn measure(edges: &mut EdgeMeter, scan: &Scan, fitted: &Fitted, lines: &mut ReflectorLines) {
+    edges.measure(fitted.corrected.as_ref().unwrap_or(scan), lines);
+    lines.set_motion(fitted.motion);
 }
 
 impl Stage for Reflectors {
@@ -84,21 +127,34 @@ impl Stage for Reflectors {
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
         self.scans += 1;
         self.lines.begin(scan);
-        match self.fit.fit(scan) {
-            Some(fit) => {
-                self.fit.record(&fit, &mut self.lines);
-                self.edges.measure(scan, &mut self.lines);
-            }
-            None => self.without += 1,
+        let fitted = self.deskew.fit(&mut self.fit, scan, &mut self.lines)?;
+        let before = fitted.as_ref().and_then(|fitted| fitted.before);
+        self.let_go(before.as_ref(), emit)?;
+        let Some(fitted) = fitted else {
+            self.without += 1;
+            return emit.write(&self.lines);
+        };
+        measure(&mut self.edges, scan, &fitted, &mut self.lines);
+        if fitted.wait {
+            self.waiting = Some(Box::new((scan.clone(), self.lines.clone())));
+            return Ok(());
         }
         emit.write(&self.lines)
     }
 
-    fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+    fn finish(&mut self, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
+        self.let_go(None, emit)?;
         if self.without > 0 {
             eprintln!(
                 "extract-lines: no reflectors in {} of {} scans",
                 self.without, self.scans
+            );
+        }
+        if self.deskew.unknown > 0 {
+            eprintln!(
+                "extract-lines: --motion does not say how {} of {} scans moved; they were taken as \
+                 at rest",
+                self.deskew.unknown, self.scans
             );
         }
         let nothing = self.without == self.scans && self.scans > 0;

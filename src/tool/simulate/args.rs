@@ -1,5 +1,6 @@
 //! The command line of `simulate` and the run that it describes.
 
+use super::dilution::DilutionArgs;
 use super::office::{self, SceneArgs};
 use super::serve_args::{self, IMU_OPTIONS, ImuArgs, ServeArgs};
 use crate::frame::Frame;
@@ -60,6 +61,8 @@ EXAMPLES
     simulate --scene office --view lms500 --n-scans 20 --truth true.csv > office.csv
   The scanner itself for one second, at a port that is free:
     simulate -f frame.toml --n-scans 35 --serve 127.0.0.1:0
+  What a single scan can tell of the pose at all, place by place, with ranges only:
+    simulate -f frame.toml --dilution --effects reference,-remission --step-m 1 > dilution.csv
   As a live source, one second of it:
     simulate -f frame.toml --n-scans 35 --real-time | extract-lines -f frame.toml | tail -n 1
 ";
@@ -86,23 +89,23 @@ pub struct Args {
         default_value = "reference,motion",
         allow_hyphen_values = true
     )]
-    effects: Effects,
+    pub(super) effects: Effects,
     /// TOML file with the effects' sizes, one table an effect
     #[arg(long, value_name = "FILE")]
     effects_file: Option<PathBuf>,
     #[command(flatten)]
     sizes: SizeArgs,
     #[command(flatten)]
-    course: CourseArgs,
+    pub(super) course: CourseArgs,
     /// Scanner model, in place of the frame file's
     #[arg(long, value_name = "NAME")]
-    model: Option<String>,
+    pub(super) model: Option<String>,
     /// Scan frequency [default: the model's first mode]
     #[arg(long, value_name = "HZ")]
-    frequency_hz: Option<f64>,
+    pub(super) frequency_hz: Option<f64>,
     /// Angle from beam to beam [default: the first the frequency goes with]
     #[arg(long, value_name = "DEG")]
-    resolution_deg: Option<f64>,
+    pub(super) resolution_deg: Option<f64>,
     /// Number of scans [default: as many as fit into the trajectory; 1000 random poses]
     #[arg(long, value_name = "N")]
     n_scans: Option<u64>,
@@ -131,6 +134,8 @@ pub struct Args {
     /// Give out each scan when it would be complete
     #[arg(long, conflicts_with = "serving")]
     pub(super) real_time: bool,
+    #[command(flatten)]
+    pub(super) dilution: DilutionArgs,
     #[command(flatten)]
     pub(super) scene: SceneArgs,
     #[command(flatten)]
@@ -193,25 +198,25 @@ pub(super) struct SizeArgs {
 /// Where the platform goes.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Trajectory")]
-struct CourseArgs {
+pub(super) struct CourseArgs {
     /// grid, random (at rest); line, loop (moving); or a trajectory file (CSV or MCAP)
     #[arg(long, value_name = "WHICH", default_value = "line")]
     trajectory: String,
-    /// grid, random: y from and to
+    /// grid, random, --dilution: y from and to
     #[arg(long, value_name = "M,M", default_value = "-4,4", value_parser = parse_span, allow_hyphen_values = true)]
-    y_range: [f64; 2],
-    /// grid, random: z from and to
+    pub(super) y_range: [f64; 2],
+    /// grid, random, --dilution: z from and to
     #[arg(long, value_name = "M,M", default_value = "0.5,3.5", value_parser = parse_span, allow_hyphen_values = true)]
-    z_range: [f64; 2],
-    /// random: x from and to
+    pub(super) z_range: [f64; 2],
+    /// random, --dilution: x from and to
     #[arg(long, value_name = "M,M", default_value = "-0.05,0.05", value_parser = parse_span, allow_hyphen_values = true)]
-    x_range: [f64; 2],
-    /// random: largest roll, pitch and yaw, to both sides
+    pub(super) x_range: [f64; 2],
+    /// random, --dilution: largest roll, pitch and yaw, to both sides
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
-    tilt_deg: f64,
-    /// grid: from pose to pose
+    pub(super) tilt_deg: f64,
+    /// grid, --dilution: from pose to pose
     #[arg(long, value_name = "M", default_value_t = 0.2)]
-    step_m: f64,
+    pub(super) step_m: f64,
     /// grid: x, roll, pitch and yaw of all poses (m and deg)
     #[arg(long, value_name = "M,DEG,DEG,DEG", default_value = "0,0,0,0", value_parser = parse_numbers::<4>, allow_hyphen_values = true)]
     grid_pose: [f64; 4],
@@ -255,11 +260,11 @@ struct CourseArgs {
 
 /// The trajectories (a file is "moving") and the options that each of them takes.
 const COURSE_OPTIONS: [(&str, &[&str]); 16] = [
-    ("y_range", &["grid", "random"]),
-    ("z_range", &["grid", "random"]),
-    ("x_range", &["random"]),
-    ("tilt_deg", &["random"]),
-    ("step_m", &["grid"]),
+    ("y_range", &["grid", "random", "--dilution"]),
+    ("z_range", &["grid", "random", "--dilution"]),
+    ("x_range", &["random", "--dilution"]),
+    ("tilt_deg", &["random", "--dilution"]),
+    ("step_m", &["grid", "--dilution"]),
     ("grid_pose", &["grid"]),
     ("scans_per_pose", &["grid", "random"]),
     ("from_pose", &["line", "loop"]),
@@ -302,6 +307,10 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
     if args.scene.scene.is_some() {
         return office::refuse_foreign(written);
     }
+    // Clap's own rule is silent where the scene is ruled out by the frame.
+    if written.value_source("view") == Some(clap::parser::ValueSource::CommandLine) {
+        return Err(Fault::Usage("--view belongs to --scene".into()));
+    }
     let cola = args.common.format == Some(Format::Cola);
     let unit = args.unit.imu_pty.is_some();
     serve_args::refuse_foreign(&args.serve, written, cola, unit)?;
@@ -318,6 +327,7 @@ pub(super) fn refuse_foreign(args: &Args, written: &clap::ArgMatches) -> Result<
         }
     }
     let kind = match args.course.trajectory.as_str() {
+        _ if args.dilution.dilution => "--dilution",
         known @ ("grid" | "random" | "line" | "loop") => known,
         _ => "a file",
     };
@@ -382,7 +392,7 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
     })
 }
 
-fn parameters(args: &Args) -> anyhow::Result<Parameters> {
+pub(super) fn parameters(args: &Args) -> anyhow::Result<Parameters> {
     let mut parameters = match &args.effects_file {
         None => Parameters::default(),
         Some(path) => {

@@ -19,7 +19,7 @@ pub struct SceneArgs {
     pub scene: Option<String>,
     /// The scanner: all-round (722 beams, 15 mm of noise), half (722 over 180 deg), lms500 (761 over
     /// 190 deg, 6.5 mm)
-    #[arg(long, value_name = "WHICH", default_value = "all-round", value_parser = parse_view, requires = "scene")]
+    #[arg(long, value_name = "WHICH", default_value = "all-round", value_parser = parse_view)]
     pub view: View,
 }
 

@@ -1,5 +1,6 @@
 //! The command line of solve-pose.
 
+use super::filter::FilterArgs;
 use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -30,6 +31,10 @@ pub struct Args {
     pub(super) pitch: PitchArgs,
     #[command(flatten)]
     pub(super) align: AlignArgs,
+    #[command(flatten)]
+    pub(super) calibrate: CalibrateArgs,
+    #[command(flatten)]
+    pub(super) filter: FilterArgs,
     #[command(flatten)]
     pub(super) common: CommonArgs,
 }
@@ -83,6 +88,43 @@ pub(super) struct AlignArgs {
     pub(super) align_x_constant: bool,
 }
 
+/// What the run tells of the frame and the devices.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Calibration")]
+pub(super) struct CalibrateArgs {
+    /// Calibrate from the whole run and write the frame file with what it shows: strips, range bias
+    /// and scale, hit threshold, footprint, how scanner and IMU sit; a table on stderr says what
+    /// changed and what the run does not show. Every scan at a new place (10 mm, 0.1 deg) counts, the
+    /// most 4000, and takes 2 to 6 kB of memory
+    #[arg(long, value_name = "FILE", conflicts_with = "align_imu")]
+    pub(super) calibrate: Option<PathBuf>,
+    /// The platform kept its x while its height changed: this shows the pitch between scanner and IMU
+    #[arg(long, requires = "calibrate")]
+    pub(super) calibrate_x_constant: bool,
+    /// How constant x was (standard deviation)
+    #[arg(long, value_name = "MM", default_value_t = 2.0, value_parser = positive, requires = "calibrate_x_constant")]
+    pub(super) calibrate_x_sigma_mm: f64,
+    /// How well strip edges and box were surveyed (standard deviation)
+    #[arg(long, value_name = "MM", default_value_t = 2.0, value_parser = positive, requires = "calibrate")]
+    pub(super) survey_sigma_mm: f64,
+    /// How well inclinations, and scanner and IMU against each other, were surveyed
+    #[arg(long, value_name = "DEG", default_value_t = 0.5, value_parser = positive, requires = "calibrate")]
+    pub(super) survey_sigma_deg: f64,
+    /// Which is turned where scanner and IMU disagree about roll and pitch: a run shows only the turn
+    /// between them [default: imu; without one the scanner, against --pitch-deg]
+    #[arg(long, value_enum, value_name = "WHICH", requires = "calibrate")]
+    pub(super) calibrate_turn: Option<Turn>,
+}
+
+/// Which device is turned on the platform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Turn {
+    /// The scanner sits as the frame file says
+    Imu,
+    /// The IMU sits as the frame file says
+    Scanner,
+}
+
 const EXAMPLES: &str = "\
 EXAMPLES
   All in one MCAP stream, the IMU's samples too:
@@ -91,13 +133,27 @@ EXAMPLES
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --imu imu.csv > poses.csv
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
+  Each pose from all scans so far, for a platform that moves or stands:
+    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --filter --imu imu.csv > poses.csv
+  A recorded run, each pose from all of its scans:
+    solve-pose -f frame.toml --smooth --imu imu.csv lines.csv -o smooth.csv
   How the IMU sits on the platform, from a run in the plane x = 0:
     solve-pose -f frame.toml --imu imu.csv --align-imu aligned.toml --align-x-constant lines.csv \\
       > poses.csv
+  What a run tells of strips, devices and IMU, the platform having kept its x:
+    solve-pose -f frame.toml --imu imu.csv --calibrate calibrated.toml --calibrate-x-constant \\
+      lines.csv > poses.csv
   The published method, to be compared with the default one:
     solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
 
-fn not_negative(text: &str) -> Result<f64, String> {
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number above 0 is wanted".to_owned()),
+    }
+}
+
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err("a number that is not negative is wanted".to_owned()),

@@ -3,6 +3,8 @@
 mod align;
 mod arguments;
 mod attitude;
+mod calibrate;
+mod filter;
 
 pub use arguments::{Args, Method};
 
@@ -14,6 +16,8 @@ use crate::record::{ImuSample, Pose, ReflectorLines};
 use crate::stream::{self, Emit, Fault, Outcome, Stage};
 use align::Align;
 use attitude::AttitudeSource;
+use calibrate::Calibrate;
+use filter::ManyScans;
 
 /// Runs the tool.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
@@ -22,8 +26,13 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         let why = "--align-imu needs --method joint: the vote has no covariances";
         return Err(Fault::Usage(why.to_owned()).into());
     }
+    if (args.filter.filter || args.filter.smooth) && args.method != Method::Joint {
+        let why = "--filter and --smooth need --method joint: the vote has no covariances";
+        return Err(Fault::Usage(why.to_owned()).into());
+    }
     let (frame, text) = args.frame.read()?;
     options.configuration = Some(text.clone());
+    let calibrate = Calibrate::asked(&args, &frame, &text, options.quiet)?;
     let x_constant = args.align.align_x_constant;
     let align = args
         .align
@@ -31,10 +40,13 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         .map(|path| Align::new(path, text, x_constant, options.quiet));
     let mut stage = Solve {
         joint: Estimator::new(&frame, joint::Options::default()),
+        many: ManyScans::new(&args.filter, &frame),
+        ready: Vec::new(),
         frame,
         method: args.method,
         attitude: AttitudeSource::open(&args.pitch, &options)?,
         align,
+        calibrate,
         solved: 0,
         unsolved: 0,
     };
@@ -48,8 +60,28 @@ struct Solve {
     joint: Estimator,
     attitude: AttitudeSource,
     align: Option<Align>,
+    calibrate: Option<Calibrate>,
+    /// The filter or smoother, if one is asked for.
+    many: Option<ManyScans>,
+    /// Poses that it has ready.
+    ready: Vec<Pose>,
     solved: u64,
     unsolved: u64,
+}
+
+impl Solve {
+    /// Writes the poses that are ready.
+    fn give_out(&mut self, emit: &mut Emit<'_, Pose>) -> anyhow::Result<()> {
+        for pose in self.ready.drain(..) {
+            if pose.is_solved() {
+                self.solved += 1;
+            } else {
+                self.unsolved += 1;
+            }
+            emit.write(&pose)?;
+        }
+        Ok(())
+    }
 }
 
 impl Stage for Solve {
@@ -60,6 +92,11 @@ impl Stage for Solve {
         let attitude = self.attitude.attitude(lines, &self.frame)?;
         let pitch = self.attitude.pitch(attitude.as_ref());
         let changes_rad = &self.attitude.changes_rad;
+        if let Some(many) = &mut self.many {
+            let ready = &mut self.ready;
+            many.take(lines, pitch, changes_rad, |pose| ready.push(pose));
+            return self.give_out(emit);
+        }
         let joint = &mut self.joint;
         let mut solve = |pitch| joint.solve(lines, pitch, changes_rad);
         let pose = match self.method {
@@ -75,12 +112,11 @@ impl Stage for Solve {
         if let (Some(align), Some(attitude)) = (&mut self.align, attitude.filter(|a| !a.stale)) {
             align.add(&pose, &attitude, &self.frame, solve);
         }
-        if pose.is_solved() {
-            self.solved += 1;
-        } else {
-            self.unsolved += 1;
+        if let Some(calibrate) = &mut self.calibrate {
+            calibrate.add(lines, &pose, pitch, attitude.as_ref(), changes_rad);
         }
-        emit.write(&pose)
+        self.ready.push(pose);
+        self.give_out(emit)
     }
 
     fn wants_imu(&self) -> bool {
@@ -91,7 +127,15 @@ impl Stage for Solve {
         self.attitude.push(sample);
     }
 
-    fn finish(&mut self, _emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
+    fn finish(&mut self, emit: &mut Emit<'_, Pose>) -> anyhow::Result<Outcome> {
+        if let Some(many) = &mut self.many {
+            let ready = &mut self.ready;
+            many.finish(|pose| ready.push(pose));
+            if let Some(remarks) = many.remarks() {
+                eprintln!("solve-pose: {remarks}");
+            }
+        }
+        self.give_out(emit)?;
         if self.unsolved > 0 {
             let all = self.solved + self.unsolved;
             eprintln!(
@@ -103,8 +147,12 @@ impl Stage for Solve {
             Some(align) => align.write(&self.frame)?,
             None => true,
         };
+        let calibrated = match &self.calibrate {
+            Some(calibrate) => calibrate.write(&self.frame)?,
+            None => true,
+        };
         let nothing = self.solved == 0 && self.unsolved > 0;
-        Ok(if nothing || !aligned {
+        Ok(if nothing || !aligned || !calibrated {
             Outcome::Degraded
         } else {
             Outcome::Done

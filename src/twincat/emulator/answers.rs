@@ -120,7 +120,8 @@ impl Plc {
         }
         match self.result(line, header, &request, now_ns) {
             Ok(data) => header.reply(out, Code::OK, |out| out.extend_from_slice(&data)),
-            Err(code) => header.reply(out, code, |_| {}),
+            // A refusal has the answer's length all the same: no data, handle 0.
+            Err(code) => header.reply(out, code, |out| out.extend_from_slice(&[0; 4])),
         }
     }
 
@@ -285,9 +286,9 @@ impl Plc {
                 ] {
                     info.extend_from_slice(&length_u32(number).to_le_bytes());
                 }
-                // Older clients ask for the first numbers only.
+                // Some clients ask for the first numbers only, some for more than there are.
                 info.truncate(length as usize);
-                exactly(info)
+                Ok(info)
             }
             _ => {
                 let (found, start) = self.place(group, offset)?;
