@@ -14,6 +14,10 @@ use cablepose::lines::fit::Estimator;
 use cablepose::lines::hough::{Accumulator, Columns, ReflectorTransform, Window, WindowSize};
 use cablepose::lines::hough::{FastHough, FastHoughOptions, Hough, HoughOptions};
 use cablepose::lines::hough::{ModifiedHough, ModifiedHoughOptions};
+use cablepose::lines::iepf::{Iepf, IepfOptions};
+use cablepose::lines::incremental::{Incremental, IncrementalOptions};
+use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
+use cablepose::lines::ml::{Ml, MlOptions};
 use cablepose::lines::ransac::{Ransac, RansacOptions};
 use cablepose::lines::segmentation::Cut;
 use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
@@ -92,6 +96,22 @@ fn extractor(name: &str, common: ExtractorOptions) -> Option<Box<dyn Extractor>>
         "split-and-merge" => Box::new(SplitAndMerge::new(SplitAndMergeOptions {
             common,
             ..SplitAndMergeOptions::default()
+        })),
+        "iepf" => Box::new(Iepf::new(IepfOptions {
+            common,
+            ..IepfOptions::default()
+        })),
+        "incremental" => Box::new(Incremental::new(IncrementalOptions {
+            common,
+            ..IncrementalOptions::default()
+        })),
+        "line-regression" => Box::new(LineRegression::new(LineRegressionOptions {
+            common,
+            ..LineRegressionOptions::default()
+        })),
+        "ml" => Box::new(Ml::new(MlOptions {
+            common,
+            ..MlOptions::default()
         })),
         "hough" => Box::new(Hough::new(whole)),
         "fast-hough" => Box::new(FastHough::new(FastHoughOptions {

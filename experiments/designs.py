@@ -86,9 +86,8 @@ def reached(frame, design, effects, out):
         f" --imu-pitch-sigma-deg 0 > {run}.poses.csv"
     )
     text = output(f"report -q --truth {run}.truth.csv --json {run}.poses.csv")
-    found = json.loads(text)
-    axes = found["cases"][0]["axes"] if "cases" in found else found["axes"]
-    return axes["x"]["rms_mm"], axes["x"]["max_mm"]
+    x = json.loads(text)["runs"][0]["x"]
+    return x["rms_mm"], x["max_mm"]
 
 
 def main():

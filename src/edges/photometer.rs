@@ -160,9 +160,9 @@ impl Photometer {
                     };
                     match photometry::fit(&self.samples, &start) {
                         Some(fit) if self.stands_out(&fit) => {
-                            for k in 0..2 {
-                                learned[k].0 += fit.scatter[k].0;
-                                learned[k].1 += fit.scatter[k].1;
+                            for (sum, own) in learned.iter_mut().zip(fit.scatter) {
+                                sum.0 += own.0;
+                                sum.1 += own.1;
                             }
                             exponent_learned.0 += fit.exponent.1;
                             exponent_learned.1 += fit.exponent.1 * fit.exponent.0;

@@ -2,11 +2,11 @@
 //!
 //! A beam whose spot lies on the strip with the share f has the remission L (B + (A - B) f): A and
 //! B are the strip's and the background's remission, L is the law by which both fall with the angle
-//! of incidence, cos^p. The share is that of a uniform disc cut by the edge, F(q) = 1/2 + (q sqrt(1
-//! - q^2) + asin q)/pi with q the edge's distance from the beam's axis, across the beam and in spot
-//! radii. Both edges of a strip, A, B and p are fitted together, so that the edges' covariances hold
-//! what the levels leave open. Where the device sends the echoes of strip and background apart, the
-//! ratio of the two gives f without a level.
+//! of incidence, cos^p. The share is that of a uniform disc cut by the edge,
+//! `F(q) = 1/2 + (q sqrt(1 - q^2) + asin q)/pi` with q the edge's distance from the beam's axis,
+//! across the beam and in spot radii. Both edges of a strip, A, B and p are fitted together, so that
+//! the edges' covariances hold what the levels leave open. Where the device sends the echoes of
+//! strip and background apart, the ratio of the two gives f without a level.
 //!
 //! Everything is in beam angles: an edge and the scanner's origin span a plane, which the scan plane
 //! cuts at the edge's angle, and a beam's distance from that plane is a sine.

@@ -146,7 +146,7 @@ impl SplitAndMerge {
         }
         let halves_m2 = |k: usize| self.prefix.cost_m2(a, k) + self.prefix.cost_m2(k, b);
         let (border, cost_m2) = (a + side..=b - side)
-            .step_by(COARSE_STEP.max((b - a) / COARSE_STEPS))
+            .step_by(COARSE_STEP)
             .map(|k| (k, halves_m2(k)))
             .min_by(|x, y| x.1.total_cmp(&y.1))?;
         (cost_m2 < bound_m2).then_some(border)
@@ -155,8 +155,6 @@ impl SplitAndMerge {
 
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
-/// Borders tried in a long run; a run that is split is searched again, more closely.
-const COARSE_STEPS: usize = 16;
 
 const LANES: usize = 4;
 

@@ -67,8 +67,8 @@ type State = SVector<f64, N>;
 type Square = SMatrix<f64, N, N>;
 
 /// Power spectral density of the jerk, m^2/s^5 and rad^2/s^5: that of jerks of 50 m/s^3 that last
-/// 30 ms, or of a roll of 1 deg at 2 Hz. Chosen on simulated runs: four times more or less makes
-/// no difference of 0.02 mm.
+/// 30 ms, or of a roll of 1 deg at 2 Hz. The velocity is then known to some 0.03 m/s, which is
+/// 0.15 mm of z.
 const JERK_PSD: [f64; 3] = [60.0, 60.0, 40.0];
 /// At the start: standard deviation of the velocity, m/s and rad/s ...
 const START_VELOCITY: [f64; 3] = [1.5, 1.5, 0.3];

@@ -111,6 +111,16 @@ struct Spread {
 }
 
 fn monte_carlo(beams: &[(f64, f64)], d_m: f64, alpha_deg: f64, loss: Loss) -> Spread {
+    monte_carlo_by(Estimator::MaximumLikelihood, beams, d_m, alpha_deg, loss)
+}
+
+fn monte_carlo_by(
+    estimator: Estimator,
+    beams: &[(f64, f64)],
+    d_m: f64,
+    alpha_deg: f64,
+    loss: Loss,
+) -> Spread {
     let trials = 2000;
     let alpha_rad = alpha_deg.to_radians();
     let bound = crb(beams, d_m, alpha_rad);
@@ -118,7 +128,9 @@ fn monte_carlo(beams: &[(f64, f64)], d_m: f64, alpha_deg: f64, loss: Loss) -> Sp
     let (mut sum, mut squares, mut nees) = (Vector2::zeros(), Matrix2::zeros(), 0.0);
     for _ in 0..trials {
         let beams = noisy(beams, &mut rng);
-        let line = fit(beams.all(), SIGMA_M, loss).unwrap();
+        let start: InverseRangeSums = beams.all().iter().collect();
+        let start = start.line().unwrap();
+        let line = fit_near(start, beams.all(), SIGMA_M, estimator, loss).unwrap();
         let e = Vector2::new(line.normal.d_m - d_m, line.normal.alpha_rad - alpha_rad);
         let cov = Matrix2::new(line.cov_dd, line.cov_da, line.cov_da, line.cov_aa);
         nees += (e.transpose() * cov.try_inverse().unwrap() * e)[0];
@@ -235,4 +247,60 @@ fn scale_and_sigma_scale_together() {
     assert!((b.normal.alpha_rad - a.normal.alpha_rad).abs() < 1e-9);
     assert!((b.cov_dd / a.cov_dd - 4.0).abs() < 1e-6);
     assert!((b.cov_aa / a.cov_aa - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn least_squares_in_coordinates_knows_its_own_scatter() {
+    for (beams, d_m, alpha_deg) in scenes() {
+        let by = |estimator| monte_carlo_by(estimator, &beams, d_m, alpha_deg, Loss::Squares);
+        let total = by(Estimator::TotalLeastSquares);
+        let auto = by(Estimator::OrdinaryLeastSquares(Axis::Auto));
+        for spread in [&total, &auto] {
+            assert!((1.8..=2.2).contains(&spread.nees), "{}", spread.nees);
+            assert!(spread.rms.iter().all(|rms| *rms < 1.3), "{:?}", spread.rms);
+        }
+        // The right axis loses nothing to total least squares, on an upright wall as on a level one.
+        for i in 0..2 {
+            assert!(
+                auto.rms[i] < 1.02 * total.rms[i],
+                "{:?} {:?}",
+                auto.rms,
+                total.rms
+            );
+        }
+    }
+    // The wrong axis does.
+    let (beams, d_m, alpha_deg) = scenes()[0].clone();
+    let wrong = Estimator::OrdinaryLeastSquares(Axis::Z);
+    let wrong = monte_carlo_by(wrong, &beams, d_m, alpha_deg, Loss::Squares);
+    assert!(wrong.rms.iter().all(|rms| *rms > 1.3), "{:?}", wrong.rms);
+}
+
+#[test]
+fn robust_losses_hold_in_coordinates_too() {
+    let (beams, d_m, _) = scenes()[0].clone();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    for estimator in [
+        Estimator::MaximumLikelihood,
+        Estimator::TotalLeastSquares,
+        Estimator::OrdinaryLeastSquares(Axis::Auto),
+    ] {
+        let clean = noisy(&beams, &mut rng);
+        let dirty: Beams = beams
+            .iter()
+            .zip(clean.all().range_m)
+            .enumerate()
+            .map(|(i, ((angle, _), range_m))| {
+                (*angle, range_m - if i % 10 == 3 { 0.4 } else { 0.0 })
+            })
+            .collect();
+        let start: InverseRangeSums = dirty.all().iter().collect();
+        let start = start.line().unwrap();
+        let line = fit_near(start, dirty.all(), SIGMA_M, estimator, Loss::TUKEY).unwrap();
+        assert!(
+            (line.normal.d_m - d_m).abs() < 0.006,
+            "{estimator:?} {line:?}"
+        );
+        assert!(line.points as usize >= beams.len() * 85 / 100, "{line:?}");
+    }
 }

@@ -2,7 +2,7 @@
 //! range bias.
 //!
 //! One division a beam and one branch that is seldom mispredicted: 2 to 3 us for 761 beams. Passes
-//! without branches, in vector registers, were tried and took twice as long.
+//! without branches, for vector registers, were tried and took half as long again.
 
 use crate::record::{NormalLine, ScanMotion};
 use nalgebra::SMatrix;
