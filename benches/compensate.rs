@@ -122,6 +122,7 @@ fn run(profile: &str, source: Source, seed: u64) -> Run {
     });
     let mut fit = ReflectorFit::new(&frame, reflectors::Options::default());
     let mut edges = EdgeMeter::new(&frame);
+    let mut joint = joint::Estimator::new(&frame, joint::Options::default());
     let mut lines = ReflectorLines::default();
     let (mut poses, mut imu) = (Vec::new(), Vec::new());
     while let Some(step) = simulator.advance() {
@@ -140,12 +141,7 @@ fn run(profile: &str, source: Source, seed: u64) -> Run {
             sigma_rad: 1e-4,
             stale: false,
         };
-        poses.push(joint::solve(
-            &lines,
-            &frame,
-            Some(pitch),
-            &joint::Options::default(),
-        ));
+        poses.push(joint.solve(&lines, Some(pitch), &[]));
     }
     // The controller's trajectory every 10 ms, to a second beyond the last pose.
     let points = (truth.duration_s() / 0.01) as i64 + 100;

@@ -245,7 +245,7 @@ impl Candidates {
         self.value.push(least);
         self.newcomer = self.newcomer.min(least);
         match self.newcomers.last_mut() {
-            Some((end, lowest)) if self.at.len() % BLOCK != 0 => {
+            Some((end, lowest)) if !self.at.len().is_multiple_of(BLOCK) => {
                 *end = at as u32 + 1;
                 *lowest = lowest.min(least);
             }

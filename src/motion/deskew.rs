@@ -145,8 +145,9 @@ struct Belief {
     covariance: Square,
 }
 
-/// A scan in the history.
+/// A scan in the history. Nearly all of them are known.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)]
 enum Past {
     /// No lines, or a stamp that does not go on.
     Nothing,
@@ -444,7 +445,7 @@ impl Belief {
 
     /// The motion in the scanner's own axes.
     fn motion(&self) -> ScanMotion {
-        let [vy_m_s, vz_m_s, roll_rad_s] = (self.into_scanner() * self.velocity()).into();
+        let [vy_m_s, vz_m_s, roll_rad_s] = (self.scanner_turn() * self.velocity()).into();
         ScanMotion {
             vy_m_s,
             vz_m_s,
@@ -457,7 +458,7 @@ impl Belief {
     }
 
     /// From axes along floor and walls to the scanner's.
-    fn into_scanner(&self) -> Matrix3<f64> {
+    fn scanner_turn(&self) -> Matrix3<f64> {
         let (sin, cos) = self.state[2].sin_cos();
         Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0)
     }
@@ -467,7 +468,7 @@ impl Belief {
     }
 
     fn motion_covariance(&self) -> Matrix3<f64> {
-        let turn = self.into_scanner();
+        let turn = self.scanner_turn();
         turn * self.covariance.fixed_view::<3, 3>(3, 3) * turn.transpose()
     }
 
@@ -483,7 +484,7 @@ impl Belief {
             0.5 * dy_m + y_m,
             PI - roll_rad,
         ];
-        let turn = self.into_scanner();
+        let turn = self.scanner_turn();
         let sensitivity: SMatrix<f64, 6, 3> = fit.sensitivity.fixed_rows::<6>(0).into();
         let by_velocity = sensitivity * turn;
         let skewed = sensitivity * (vector(assumed) - turn * self.velocity());
@@ -492,10 +493,9 @@ impl Belief {
         let mut noise: SMatrix<f64, 6, 6> = fit.covariance.fixed_view::<6, 6>(0, 0).into();
         let mut off = SVector::<f64, 6>::zeros();
         let place = [(0, -1.0), (1, -1.0), (0, 1.0)];
-        for k in 0..3 {
+        for (k, (axis, sign)) in place.into_iter().enumerate() {
             let (d, a) = (2 * k, 2 * k + 1);
             if fit.seen[k] {
-                let (axis, sign) = place[k];
                 rows[(d, axis)] = sign;
                 rows[(a, 2)] = -1.0;
                 off[d] = fit.lines[k].d_m - expected[d] - skewed[d];

@@ -186,13 +186,12 @@ impl Estimator {
             };
             let mut base = linearise(self);
             let mut coarse = self.middle_fit(lines, &base);
-            while round == 1 {
-                let Some(edge) = self.worst_violation(&coarse) else {
-                    break;
-                };
-                self.demote(edge);
-                base = linearise(self);
-                coarse = self.middle_fit(lines, &base);
+            if round == 1 {
+                while let Some(edge) = self.worst_violation(&coarse) {
+                    self.demote(edge);
+                    base = linearise(self);
+                    coarse = self.middle_fit(lines, &base);
+                }
             }
             knows_yaw = coarse.sigma(YAW) < self.options.yaw_limit_rad;
             at = bounded(coarse.mean);
@@ -266,12 +265,12 @@ impl Estimator {
                 }
                 _ => at_reference,
             };
-            if self.uses[index] == Use::Point {
-                if let Some(factor) = point(edge, &self.frame, &pose, at) {
-                    self.points.push(factor);
-                    self.point_edges.push(index);
-                    continue;
-                }
+            if self.uses[index] == Use::Point
+                && let Some(factor) = point(edge, &self.frame, &pose, at)
+            {
+                self.points.push(factor);
+                self.point_edges.push(index);
+                continue;
             }
             if self.uses[index] != Use::Nothing
                 && let Some(factor) = interval(edge, &self.frame, &pose, at)

@@ -149,36 +149,36 @@ impl Tracker {
         let mut points = self.points(lines, posterior, measured);
         let mut boxes = self.boxes(lines);
         let known = span_s.filter(|s| *s > 0.0 && *s <= self.options.longest_gap_s);
-        if let (Some(span_s), Some(chain)) = (known, &mut self.chain) {
-            if !jumps(chain, span_s, &pose) {
-                self.gaits.see(span_s, &pose);
-                let mut step = Step {
-                    span_s,
-                    gaits: self.gaits.now(),
-                };
-                let mut predicted = chain.predict(&step);
-                let (off, variance) = differences(&predicted, &pose);
-                if self.gaits.compare(&off, &variance) {
-                    step.gaits = self.gaits.now();
-                    predicted = chain.predict(&step);
-                }
-                let newest = chain.newest_step().map(|step| step.gaits);
-                for (k, gait) in step.gaits.iter().enumerate() {
-                    if *gait != Gait::Rest && newest.is_some_and(|gaits| gaits[k] == Gait::Rest) {
-                        chain.rouse(k, *gait);
-                    }
-                }
-                if leave_out(&predicted, &mut points, &mut boxes) {
-                    pose.status |= Status::EDGE_OUTLIER;
-                }
-                chain.push(Node::new(step, points, boxes));
-                let newest = *chain.newest();
-                let contradicted = |b: &EdgeBox| b.violation(&newest) > CONTRADICTION;
-                if step.is_rest() && chain.newest_boxes().iter().any(contradicted) {
-                    self.gaits.disturb();
-                }
-                return (pose, Fate::Joined);
+        if let (Some(span_s), Some(chain)) = (known, &mut self.chain)
+            && !jumps(chain, span_s, &pose)
+        {
+            self.gaits.see(span_s, &pose);
+            let mut step = Step {
+                span_s,
+                gaits: self.gaits.now(),
+            };
+            let mut predicted = chain.predict(&step);
+            let (off, variance) = differences(&predicted, &pose);
+            if self.gaits.compare(&off, &variance) {
+                step.gaits = self.gaits.now();
+                predicted = chain.predict(&step);
             }
+            let newest = chain.newest_step().map(|step| step.gaits);
+            for (k, gait) in step.gaits.iter().enumerate() {
+                if *gait != Gait::Rest && newest.is_some_and(|gaits| gaits[k] == Gait::Rest) {
+                    chain.rouse(k, *gait);
+                }
+            }
+            if leave_out(&predicted, &mut points, &mut boxes) {
+                pose.status |= Status::EDGE_OUTLIER;
+            }
+            chain.push(Node::new(step, points, boxes));
+            let newest = *chain.newest();
+            let contradicted = |b: &EdgeBox| b.violation(&newest) > CONTRADICTION;
+            if step.is_rest() && chain.newest_boxes().iter().any(contradicted) {
+                self.gaits.disturb();
+            }
+            return (pose, Fate::Joined);
         }
         if let Some(chain) = &mut self.chain {
             finished(chain);
