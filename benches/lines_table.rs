@@ -383,7 +383,7 @@ fn moving_scans(frame: &Frame) -> anyhow::Result<Vec<Scan>> {
         model,
         mode: scanner::mode(model, None, None)?,
         course: Course::Moving {
-            truth: Box::new(motion.clone()),
+            truth: Box::new(motion),
             desired: Box::new(motion),
             lag_s: 0.0,
         },
