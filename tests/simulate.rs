@@ -333,7 +333,7 @@ fn options_of_another_trajectory_or_method_are_refused() {
     for (args, says) in [
         (
             &["-f", "testdata/cablar.toml", "--sigma-mm", "3"][..],
-            "--method split-and-merge",
+            "--sigma-mm belongs to the methods for any scene",
         ),
         (
             &["--method", "split-and-merge", "--cold"],
