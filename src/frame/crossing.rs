@@ -22,9 +22,19 @@ pub struct ScannerPose {
     mounting: [Vec3; 3],
     /// Lever arm r_PS in P, m.
     lever_m: Vec3,
-    /// Scanner origin in B, m.
+    /// Scanner origin in B, m, and its derivatives to roll, pitch and yaw.
     origin_m: Vec3,
+    d_origin: [Vec3; 3],
+    /// Beams at 0 and at 90 deg: what all others are made of.
+    beams: [Axis; 2],
     bounds: FrameBox,
+}
+
+/// A direction in B with its derivatives to roll, pitch and yaw.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    direction: Vec3,
+    d_direction: [Vec3; 3],
 }
 
 /// Where a beam meets the plane of a face.
@@ -56,32 +66,69 @@ pub struct FaceLine {
 impl ScannerPose {
     /// The scanner's pose for a platform at `position_m` with `rotation_rad` (roll, pitch, yaw).
     pub fn new(frame: &Frame, position_m: Vec3, rotation_rad: Vec3) -> ScannerPose {
+        let mounting = rotation_matrix(frame.scanner.rotation_deg.map(f64::to_radians));
+        let lever_m = frame.scanner.position_m;
+        Self::mounted(mounting, lever_m, frame.bounds, position_m, rotation_rad)
+    }
+
+    /// The same scanner, with its platform at `position_m` with `rotation_rad` (roll, pitch, yaw).
+    pub fn moved_to(&self, position_m: Vec3, rotation_rad: Vec3) -> ScannerPose {
+        let bounds = self.bounds;
+        Self::mounted(
+            self.mounting,
+            self.lever_m,
+            bounds,
+            position_m,
+            rotation_rad,
+        )
+    }
+
+    fn mounted(
+        mounting: [Vec3; 3],
+        lever_m: Vec3,
+        bounds: FrameBox,
+        position_m: Vec3,
+        rotation_rad: Vec3,
+    ) -> ScannerPose {
         let rotation = rotation_matrix(rotation_rad);
         let (sin_roll, cos_roll) = rotation_rad[0].sin_cos();
-        let lever_m = frame.scanner.position_m;
-        let lever_b = mul(&rotation, lever_m);
+        let pitch_axis = [0.0, cos_roll, -sin_roll];
+        let turned = |in_p: Vec3| {
+            let direction = mul(&rotation, in_p);
+            Axis {
+                direction,
+                d_direction: [
+                    mul(&rotation, cross([1.0, 0.0, 0.0], in_p)),
+                    mul(&rotation, cross(pitch_axis, in_p)),
+                    cross([0.0, 0.0, 1.0], direction),
+                ],
+            }
+        };
+        let lever = turned(lever_m);
         ScannerPose {
             rotation,
-            pitch_axis: [0.0, cos_roll, -sin_roll],
-            mounting: rotation_matrix(frame.scanner.rotation_deg.map(f64::to_radians)),
+            pitch_axis,
+            mounting,
             lever_m,
-            origin_m: add(position_m, lever_b),
-            bounds: frame.bounds,
+            origin_m: add(position_m, lever.direction),
+            d_origin: lever.d_direction,
+            beams: [1, 2].map(|j| turned(mounting.map(|row| row[j]))),
+            bounds,
         }
     }
 
     /// Where the beam at `angle_rad` meets the plane of `face`; none where it points away from it.
     pub fn crossing(&self, angle_rad: f64, face: Face) -> Option<Crossing> {
         let (sin, cos) = angle_rad.sin_cos();
-        let in_p = mul(&self.mounting, [0.0, cos, sin]);
-        let direction = mul(&self.rotation, in_p);
+        let [level, upright] = &self.beams;
+        let of_both = |a: Vec3, b: Vec3| add(scale(a, cos), scale(b, sin));
+        let direction = of_both(level.direction, upright.direction);
         let (axis, at_m) = plane(face, &self.bounds);
         let range_m = (at_m - self.origin_m[axis]) / direction[axis];
         if !(range_m > 0.0 && range_m < 1e6) {
             return None;
         }
-        let d_direction = self.d_rotated(in_p, direction);
-        let d_origin = self.d_rotated(self.lever_m, mul(&self.rotation, self.lever_m));
+        let per_range = 1.0 / direction[axis];
         let mut d_point = [[0.0; 3]; 6];
         for (k, d_point) in d_point.iter_mut().enumerate() {
             // The point is origin + range * direction, with the range such that it stays on the face.
@@ -89,14 +136,16 @@ impl ScannerPose {
             if k < 3 {
                 moved[k] = 1.0;
             } else {
-                moved = add(d_origin[k - 3], scale(d_direction[k - 3], range_m));
+                let j = k - 3;
+                let turned = of_both(level.d_direction[j], upright.d_direction[j]);
+                moved = add(self.d_origin[j], scale(turned, range_m));
             }
-            let d_range = -moved[axis] / direction[axis];
+            let d_range = -moved[axis] * per_range;
             *d_point = add(moved, scale(direction, d_range));
         }
         let point_m = add(self.origin_m, scale(direction, range_m));
-        let turned = mul(&self.rotation, mul(&self.mounting, [0.0, -sin, cos]));
-        let d_range = -range_m * turned[axis] / direction[axis];
+        let turned = add(scale(level.direction, -sin), scale(upright.direction, cos));
+        let d_range = -range_m * turned[axis] * per_range;
         let d_angle = add(scale(turned, range_m), scale(direction, d_range));
         Some(Crossing {
             range_m,
@@ -128,7 +177,6 @@ impl ScannerPose {
         for k in 0..3 {
             d_d[k] = -outward[k] / norm;
         }
-        let d_origin = self.d_rotated(self.lever_m, mul(&self.rotation, self.lever_m));
         let d_in_p = [
             scale(cross([1.0, 0.0, 0.0], in_p), -1.0),
             scale(cross(self.pitch_axis, in_p), -1.0),
@@ -140,7 +188,7 @@ impl ScannerPose {
         for k in 0..3 {
             let d_in_s = mul_transposed(&self.mounting, d_in_p[k]);
             let d_norm = (in_s[1] * d_in_s[1] + in_s[2] * d_in_s[2]) / norm;
-            let d_distance = -dot(outward, d_origin[k]);
+            let d_distance = -dot(outward, self.d_origin[k]);
             d_d[3 + k] = d_distance / norm - distance_m * d_norm / norm_sq;
             d_alpha[3 + k] = (in_s[1] * d_in_s[2] - in_s[2] * d_in_s[1]) / norm_sq;
         }
@@ -150,15 +198,6 @@ impl ScannerPose {
             d_d,
             d_alpha,
         }
-    }
-
-    /// Derivatives of R v to roll, pitch and yaw, for v in P and `rotated` = R v.
-    fn d_rotated(&self, v: Vec3, rotated: Vec3) -> [Vec3; 3] {
-        [
-            mul(&self.rotation, cross([1.0, 0.0, 0.0], v)),
-            mul(&self.rotation, cross(self.pitch_axis, v)),
-            cross([0.0, 0.0, 1.0], rotated),
-        ]
     }
 }
 

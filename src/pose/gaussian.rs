@@ -29,11 +29,25 @@ impl<const N: usize> Gaussian<N> {
     /// Covariance of the components with a linear form of them.
     #[inline]
     pub fn along(&self, row: &SVector<f64, N>) -> SVector<f64, N> {
-        let mut gain = SVector::<f64, N>::zeros();
-        for (column, weight) in self.covariance.column_iter().zip(row.iter()) {
-            gain.axpy(*weight, &column, 1.0);
+        let mut gain = [0.0; N];
+        for (column, weight) in self.covariance.data.0.iter().zip(row.iter()) {
+            for (gain, c) in gain.iter_mut().zip(column) {
+                *gain += weight * c;
+            }
         }
-        gain
+        gain.into()
+    }
+
+    /// Adds `weight * gain * gain^T` to the covariance.
+    #[inline]
+    fn add_square(&mut self, gain: &SVector<f64, N>, weight: f64) {
+        let gain = &gain.data.0[0];
+        for (column, by) in self.covariance.data.0.iter_mut().zip(gain) {
+            let by = weight * by;
+            for (c, gain) in column.iter_mut().zip(gain) {
+                *c += by * gain;
+            }
+        }
     }
 
     /// Adds `precision` to the inverse variance of a linear form, whose covariance with the
@@ -43,7 +57,7 @@ impl<const N: usize> Gaussian<N> {
     pub fn tighten(&mut self, gain: &SVector<f64, N>, variance: f64, precision: f64, pull: f64) {
         let scale = 1.0 / (1.0 + precision * variance);
         self.mean.axpy(pull * scale, gain, 1.0);
-        self.covariance.ger(-precision * scale, gain, gain, 1.0);
+        self.add_square(gain, -precision * scale);
     }
 
     /// Takes in the measurement `row . state = value` with `variance`.
@@ -53,7 +67,7 @@ impl<const N: usize> Gaussian<N> {
         let spread = row.dot(&gain) + variance;
         let step = (value - row.dot(&self.mean)) / spread;
         self.mean.axpy(step, &gain, 1.0);
-        self.covariance.ger(-1.0 / spread, &gain, &gain, 1.0);
+        self.add_square(&gain, -1.0 / spread);
     }
 }
 

@@ -38,7 +38,7 @@ pub struct Site {
 /// Part of a site's change that is taken over in one sweep, after the first.
 const DAMPING: f64 = 0.8;
 /// Sites that move the state by less than this share of its standard deviation have settled.
-const SETTLED: f64 = 1e-3;
+const SETTLED: f64 = 1e-2;
 
 /// Puts `state` under all boxes, in at most `sweeps` passes over them. The sites are overwritten.
 pub fn propagate<const N: usize>(
@@ -104,8 +104,9 @@ fn box_moments<const N: usize>(mean: f64, variance: f64, factor: &BoxFactor<N>) 
     let s = (variance + soft).sqrt();
     let moments = |low: f64, high: f64| {
         let (low, high) = ((low - mean) / s, (high - mean) / s);
-        let mass = normal_between(low, high);
-        let (n_low, n_high) = (normal_density(low), normal_density(high));
+        let (at_low, at_high) = (Normal::at(low), Normal::at(high));
+        let mass = Normal::between((low, at_low), (high, at_high));
+        let (n_low, n_high) = (at_low.density, at_high.density);
         let first = (n_low - n_high) / mass;
         let second = (tail(low, n_low) - tail(high, n_high)) / mass;
         let within = variance + variance * variance / (s * s) * (second - first * first);
@@ -168,25 +169,148 @@ fn tail(x: f64, density: f64) -> f64 {
     if density == 0.0 { 0.0 } else { x * density }
 }
 
-fn normal_density(x: f64) -> f64 {
-    const NORM: f64 = 0.398_942_280_401_432_7;
-    NORM * (-0.5 * x * x).exp()
+/// Density of a standard normal number at a place, and the probability beyond it, away from zero.
+#[derive(Clone, Copy)]
+struct Normal {
+    density: f64,
+    beyond: f64,
 }
 
-/// Probability between two standard normal quantiles, computed on the side where it does not cancel.
-fn normal_between(low: f64, high: f64) -> f64 {
-    let upper_tail = |x: f64| 0.5 * libm::erfc(x * std::f64::consts::FRAC_1_SQRT_2);
-    if low > 0.0 {
-        upper_tail(low) - upper_tail(high)
-    } else {
-        upper_tail(-high) - upper_tail(-low)
+impl Normal {
+    /// By rational approximations of the error function (Cody, Mathematics of Computation 23, 1969,
+    /// p. 631), which share their exponential with the density.
+    #[inline]
+    fn at(x: f64) -> Normal {
+        const NORM: f64 = 0.398_942_280_401_432_7;
+        const SMALL: [[f64; 5]; 2] = [
+            [
+                3.209_377_589_138_469_4e3,
+                3.774_852_376_853_020_2e2,
+                1.138_641_541_510_501_6e2,
+                3.161_123_743_870_565_6,
+                1.857_777_061_846_031_5e-1,
+            ],
+            [
+                2.844_236_833_439_171e3,
+                1.282_616_526_077_372_3e3,
+                2.440_246_379_344_441_7e2,
+                2.360_129_095_234_412_2e1,
+                1.0,
+            ],
+        ];
+        const MIDDLE: [[f64; 9]; 2] = [
+            [
+                1.230_339_354_797_997_2e3,
+                2.051_078_377_826_071_6e3,
+                1.712_047_612_634_070_7e3,
+                8.819_522_212_417_690_9e2,
+                2.986_351_381_974_001e2,
+                6.611_919_063_714_163e1,
+                8.883_149_794_388_376,
+                5.641_884_969_886_700_9e-1,
+                2.153_115_354_744_038_3e-8,
+            ],
+            [
+                1.230_339_354_803_749_4e3,
+                3.439_367_674_143_721_6e3,
+                4.362_619_090_143_247e3,
+                3.290_799_235_733_459_6e3,
+                1.621_389_574_566_690_3e3,
+                5.371_811_018_620_098_6e2,
+                1.176_939_508_913_125e2,
+                1.574_492_611_070_983_5e1,
+                1.0,
+            ],
+        ];
+        const LARGE: [[f64; 6]; 2] = [
+            [
+                6.587_491_615_298_378e-4,
+                1.608_378_514_874_227_5e-2,
+                1.257_817_261_112_292_6e-1,
+                3.603_448_999_498_044_4e-1,
+                3.053_266_349_612_323_6e-1,
+                1.631_538_713_730_209_7e-2,
+            ],
+            [
+                2.335_204_976_268_691_8e-3,
+                6.051_834_131_244_132e-2,
+                5.279_051_029_514_285e-1,
+                1.872_952_849_923_460_4,
+                2.568_520_192_289_822,
+                1.0,
+            ],
+        ];
+        let y = x.abs() * std::f64::consts::FRAC_1_SQRT_2;
+        let bell = (-0.5 * x * x).exp();
+        let beyond = if y < 0.468_75 {
+            0.5 - 0.5 * y * ratio(&SMALL, y * y)
+        } else if y < 4.0 {
+            0.5 * bell * ratio(&MIDDLE, y)
+        } else {
+            let z = 1.0 / (y * y);
+            let most = 0.5 * std::f64::consts::FRAC_2_SQRT_PI;
+            0.5 * bell * (most - z * ratio(&LARGE, z)) / y
+        };
+        Normal {
+            density: NORM * bell,
+            beyond,
+        }
     }
+
+    /// Probability between two places, each with what is known there, on the side where it does not
+    /// cancel.
+    #[inline]
+    fn between((low, at_low): (f64, Normal), (high, at_high): (f64, Normal)) -> f64 {
+        if low > 0.0 {
+            at_low.beyond - at_high.beyond
+        } else if high < 0.0 {
+            at_high.beyond - at_low.beyond
+        } else {
+            1.0 - at_low.beyond - at_high.beyond
+        }
+    }
+}
+
+/// Two polynomials, lowest power first, divided.
+#[inline]
+fn ratio<const N: usize>([above, below]: &[[f64; N]; 2], x: f64) -> f64 {
+    let value = |c: &[f64; N]| c.iter().rev().fold(0.0, |sum, c| sum * x + c);
+    value(above) / value(below)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use nalgebra::SMatrix;
+
+    fn normal_between(low: f64, high: f64) -> f64 {
+        let below = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
+        below(high) - below(low)
+    }
+
+    #[test]
+    fn tails_are_those_of_the_error_function() {
+        for i in -4000..=4000 {
+            let x = f64::from(i) * 0.009;
+            let tail = 0.5 * libm::erfc(x.abs() * std::f64::consts::FRAC_1_SQRT_2);
+            let found = Normal::at(x);
+            assert!((found.beyond / tail - 1.0).abs() < 1e-12, "{x}");
+            let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
+            assert!((found.density / density - 1.0).abs() < 1e-14, "{x}");
+        }
+        for (low, high) in [
+            (-2.0, -1.9),
+            (-0.1, 3.0),
+            (0.2, 0.3),
+            (-9.0, 9.0),
+            (1.0, 5.0),
+        ] {
+            let found = Normal::between((low, Normal::at(low)), (high, Normal::at(high)));
+            assert!((found - normal_between(low, high)).abs() < 1e-14);
+        }
+        let far = Normal::at(f64::INFINITY);
+        assert_eq!([far.density, far.beyond], [0.0; 2]);
+    }
 
     /// Moments of N(m, v) times the doubted, softened box, by summing over a fine grid.
     fn moments_by_sum(m: f64, v: f64, low: f64, high: f64, soft: f64, doubt: f64) -> (f64, f64) {

@@ -76,6 +76,9 @@ const POINT_LIMIT: f64 = 4.5;
 const MISFIT_LIMIT: f64 = 60.0;
 /// A yaw known this well, rad, is a linearisation point.
 const NEAR_RAD: f64 = 0.2 * std::f64::consts::PI / 180.0;
+/// States no further apart than this, m and rad, share a linearisation.
+const NEAR_M: f64 = 0.02;
+const SAME_RAD: f64 = 0.001;
 const SWEEPS: usize = 12;
 
 /// What an edge of the record is used as.
@@ -114,6 +117,10 @@ pub struct Estimate {
 pub struct Estimator {
     frame: Frame,
     options: Options,
+    /// The scanner on the platform, anywhere.
+    scanner: ScannerPose,
+    /// Mean of the threshold's prior.
+    threshold: f64,
     uses: Vec<Use>,
     points: Vec<PointFactor>,
     boxes: Vec<BoxFactor<STATE>>,
@@ -129,6 +136,8 @@ impl Estimator {
         Estimator {
             frame: frame.clone(),
             options,
+            scanner: ScannerPose::new(frame, [0.0; 3], [0.0; 3]),
+            threshold: threshold_mean(frame.calibration.hit_threshold),
             uses: Vec::new(),
             points: Vec::new(),
             boxes: Vec::new(),
@@ -141,7 +150,7 @@ impl Estimator {
     /// What is known of the state before a scan when there is no scan before it, in the order and
     /// the units of [`Vector`].
     pub fn prior(&self, pitch: &Pitch) -> Gaussian<STATE> {
-        state::prior(&self.frame, pitch, &self.options)
+        state::prior(&self.frame, self.threshold, pitch, &self.options)
     }
 
     /// Takes one scan into what is known of the state.
@@ -177,6 +186,7 @@ impl Estimator {
         // The walls' distance grows with |yaw|, whatever its sign: edges must decide that first.
         let mut knows_yaw = prior.sigma(YAW) < NEAR_RAD;
         // Coarse first: least squares on the middles brings the linearisation near.
+        let mut near = None;
         for round in 0..2 {
             if round == 0 && knows_yaw {
                 continue;
@@ -193,21 +203,23 @@ impl Estimator {
                     coarse = self.middle_fit(lines, &base);
                 }
             }
+            let knew_yaw = knows_yaw;
             knows_yaw = coarse.sigma(YAW) < self.options.yaw_limit_rad;
+            let serves = round == 1 && knew_yaw == knows_yaw && is_near(&coarse.mean, &at);
+            near = serves.then_some(base);
             at = bounded(coarse.mean);
         }
-        let base = self.linearise(lines, &white, prior, pitch_changes_rad, &at, knows_yaw);
+        let base = match near {
+            Some(base) => base,
+            None => self.linearise(lines, &white, prior, pitch_changes_rad, &at, knows_yaw),
+        };
         let mut posterior = self.with_points(lines, &base);
         propagate(&mut posterior, &self.boxes, &mut self.sites, SWEEPS);
         let used = self.points.len() + self.boxes.len();
         if self.uses.iter().any(|used| *used != Use::Point) {
             status |= Status::EDGE_OUTLIER;
         }
-        let misfit = white.misfit(
-            lines,
-            &pose_at(&self.frame, &posterior.mean),
-            &posterior.mean,
-        );
+        let misfit = white.misfit(lines, &self.pose_at(&posterior.mean), &posterior.mean);
         if !(misfit <= MISFIT_LIMIT) || used * 2 < lines.edges.len() {
             // The lines miss the estimate by far more than their covariance allows, or most of the
             // edges found belong to no strip seen from there.
@@ -239,6 +251,11 @@ impl Estimator {
         self.point_edges.iter().copied().zip(&self.points)
     }
 
+    fn pose_at(&self, at: &Vector) -> ScannerPose {
+        self.scanner
+            .moved_to([at[X], at[Y], at[Z]], [at[ROLL], at[PITCH], at[YAW]])
+    }
+
     /// Forms the edges' factors at the state `at`; returns the prior under the lines.
     fn linearise(
         &mut self,
@@ -249,7 +266,7 @@ impl Estimator {
         at: &Vector,
         knows_yaw: bool,
     ) -> Gaussian<STATE> {
-        let at_reference = pose_at(&self.frame, at);
+        let at_reference = self.pose_at(at);
         let mut base = *prior;
         white.observe(lines, &at_reference, at, knows_yaw, &mut base);
         self.points.clear();
@@ -261,7 +278,7 @@ impl Estimator {
                 Some(change_rad) if *change_rad != 0.0 => {
                     let mut pitched = *at;
                     pitched[PITCH] += change_rad;
-                    pose_at(&self.frame, &pitched)
+                    self.pose_at(&pitched)
                 }
                 _ => at_reference,
             };
@@ -315,7 +332,7 @@ impl Estimator {
         lines: &ReflectorLines,
         at: &Vector,
     ) -> Vec<(Measured, PointFactor)> {
-        let pose = pose_at(&self.frame, at);
+        let pose = self.pose_at(at);
         let white = WhiteLines::new(lines);
         let of_lines = white
             .iter()
@@ -484,8 +501,11 @@ impl Estimator {
     }
 }
 
-fn pose_at(frame: &Frame, at: &Vector) -> ScannerPose {
-    ScannerPose::new(frame, [at[X], at[Y], at[Z]], [at[ROLL], at[PITCH], at[YAW]])
+/// Whether a linearisation at one state serves for the other: what it leaves out between the two is
+/// some micrometres.
+fn is_near(a: &Vector, b: &Vector) -> bool {
+    (X..=Z).all(|k| (a[k] - b[k]).abs() < NEAR_M)
+        && (ROLL..=YAW).all(|k| (a[k] - b[k]).abs() < SAME_RAD)
 }
 
 /// Remarks on x and yaw.

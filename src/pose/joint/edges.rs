@@ -9,9 +9,11 @@ use crate::frame::{Crossing, Frame, ScannerPose, Strip};
 use crate::pose::interval::BoxFactor;
 use crate::record::{Edge, EdgeKind, Face};
 
-/// Blur of an interval's bounds: this much, m, and this share of the spot's radius.
-const SOFT_M: f64 = 0.0002;
-const SOFT_SPOT: f64 = 0.035;
+/// Blur of an interval's bounds: this much, m, and this share of the spot's radius. Twice as much
+/// leaves x and yaw of mixed pixels a fifth less certain than they are; half as much makes many strips
+/// too sure of themselves.
+const SOFT_M: f64 = 0.0001;
+const SOFT_SPOT: f64 = 0.018;
 /// Probability that an interval is off by a beam: a wild range beside the edge that looks like a
 /// hit, or like the surface behind. A larger one costs more where nothing is wrong.
 const DOUBT: f64 = 0.0003;

@@ -39,9 +39,14 @@ const ANY_BIAS_M: f64 = 1.0;
 const EXACT_RAD: f64 = 1e-7;
 
 /// What is known of the state before a scan when there is no scan before it.
-pub(super) fn prior(frame: &Frame, pitch: &Pitch, options: &Options) -> Gaussian<STATE> {
+/// `threshold` is the mean of the hit threshold.
+pub(super) fn prior(
+    frame: &Frame,
+    threshold: f64,
+    pitch: &Pitch,
+    options: &Options,
+) -> Gaussian<STATE> {
     let calibration = &frame.calibration;
-    let threshold = threshold_mean(calibration.hit_threshold);
     Gaussian::independent(
         [
             0.0,

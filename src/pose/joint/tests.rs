@@ -75,9 +75,9 @@ fn exact_posterior(frame: &Frame, step: &Step, lines: &ReflectorLines) -> [f64; 
                     };
                     let (from_m, to_m) = (g(edge.from_rad), g(edge.to_rad));
                     let width_m = from_m - to_m;
-                    // 0.2 mm, and a share of the spot's radius seen on the face.
+                    // 0.1 mm, and a share of the spot's radius seen on the face.
                     let radius_m = width_m * edge.d_threshold / (edge.to_rad - edge.from_rad);
-                    let soft_m = f64::hypot(0.0002, 0.035 * radius_m);
+                    let soft_m = f64::hypot(0.0001, 0.018 * radius_m);
                     let within = |more_m: f64| {
                         below((from_m + more_m) / soft_m) - below((to_m - more_m) / soft_m)
                     };
