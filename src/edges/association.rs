@@ -124,7 +124,9 @@ impl Association {
                     (best, at) = (explained, refined);
                 }
             }
-            self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            // Once more from a wider tolerance: the passes so far may have left edges out that the
+            // pose they led to explains.
+            self.refine(frame, lines, edges, &mut at, 1);
         }
         let matched = self.taken.iter().flatten().count();
         self.last = (matched >= 3).then_some(at);

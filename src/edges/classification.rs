@@ -240,9 +240,11 @@ fn mark_short(beams: &mut [Beam], sigma_m: [f64; 3]) {
 fn drop_unsupported(beams: &mut [Beam], with_depth: bool) {
     let agree = |a: &Beam, b: &Beam| match a.state {
         State::Hit => b.is(State::Hit, a.face) || b.is(State::Both, a.face),
+        // Shares of depths compared without dividing.
         State::Gap => {
-            let ratio = |beam: &Beam| beam.excess_m / beam.depth_m;
-            b.is(State::Gap, a.face) && (!with_depth || (ratio(a) - ratio(b)).abs() < SUPPORT_SHARE)
+            let apart = (a.excess_m * b.depth_m - b.excess_m * a.depth_m).abs();
+            b.is(State::Gap, a.face)
+                && (!with_depth || apart < SUPPORT_SHARE * a.depth_m * b.depth_m)
         }
         _ => true,
     };

@@ -25,6 +25,13 @@ const BOTH_REACH: f64 = 0.85;
 /// More mixed pixels in a row than this are not those of an edge.
 const MIXED_RUN: usize = 3;
 
+/// Two edges with nothing but hits between them are a strip's, and with nothing but gaps two
+/// neighbours'. Runs below this share of the narrowest that the frame has are wild ranges (a turned
+/// platform sees them shorter, and nothing else does).
+const RUN_SHARE: f64 = 0.7;
+/// The platform is no further than this from x = 0, m.
+const X_MAX_M: f64 = 0.5;
+
 /// Faces as [`Beam`] numbers them.
 const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 
@@ -43,6 +50,8 @@ struct Found {
 pub struct EdgeMeter {
     frame: Frame,
     with_strips: [bool; 3],
+    /// Of each face: the narrowest run of hits and the narrowest run of gaps, m.
+    narrowest_m: [[f64; 2]; 3],
     table: BeamTable,
     beams: Vec<Beam>,
     found: Vec<Found>,
@@ -56,6 +65,7 @@ impl EdgeMeter {
         EdgeMeter {
             frame: frame.clone(),
             with_strips: FACES.map(|face| frame.strips_on(face).next().is_some()),
+            narrowest_m: FACES.map(|face| narrowest_m(frame, face)),
             table: BeamTable::default(),
             beams: Vec::new(),
             found: Vec::new(),
@@ -93,6 +103,7 @@ impl EdgeMeter {
                 mixed: at.mixed,
             });
         });
+        drop_narrow(found, beams, table, &self.narrowest_m);
         let pose = self.association.assign(&self.frame, lines, found);
         tighten(found, beams, table);
         if let Some(pose) = pose {
@@ -107,6 +118,60 @@ impl EdgeMeter {
         }
         lines.edges.clear();
         lines.edges.extend(found.iter().map(|found| found.edge));
+    }
+}
+
+/// The narrowest strip of a face and the narrowest gap between two, each less what no slant of the
+/// platform takes off, m.
+fn narrowest_m(frame: &Frame, face: Face) -> [f64; 2] {
+    let strips: Vec<_> = frame.strips_on(face).map(|(_, strip)| strip).collect();
+    let width_m = strips.iter().map(|s| s.width_m).fold(f64::MAX, f64::min);
+    let between_m = |(i, a): (usize, &&crate::frame::Strip)| {
+        let to = |b: &&crate::frame::Strip| {
+            let nearer_m = (a.slope() - b.slope()).abs() * X_MAX_M;
+            (a.offset_m - b.offset_m).abs() - 0.5 * (a.width_m + b.width_m) - nearer_m
+        };
+        strips[i + 1..].iter().map(to).fold(f64::MAX, f64::min)
+    };
+    let gap_m = strips.iter().enumerate().map(between_m);
+    [width_m, gap_m.fold(f64::MAX, f64::min)].map(|m| {
+        if m < f64::MAX {
+            RUN_SHARE * m.max(0.0)
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Takes away both edges of a run that is too narrow to be a strip or the gap between two, the
+/// narrowest first.
+fn drop_narrow(
+    found: &mut Vec<Found>,
+    beams: &[Beam],
+    table: &BeamTable,
+    narrowest_m: &[[f64; 2]; 3],
+) {
+    let point = |i: usize| {
+        let (cos, sin) = table.cos_sin[i];
+        [beams[i].face_m * cos, beams[i].face_m * sin]
+    };
+    loop {
+        let share = |pair: &[Found]| {
+            let [a, b] = pair else { return f64::MAX };
+            if a.edge.face != b.edge.face {
+                return f64::MAX;
+            }
+            // From the last beam that is sure to be outside to the first that is again.
+            let ([y0, z0], [y1, z1]) = (point(a.beams.0), point(b.beams.1));
+            let of = narrowest_m[a.edge.face as usize];
+            let least_m = of[usize::from(a.edge.kind != EdgeKind::On)];
+            (y1 - y0).hypot(z1 - z0) / least_m
+        };
+        let narrow = found.windows(2).map(share).enumerate();
+        match narrow.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((k, share)) if share < 1.0 => drop(found.drain(k..k + 2)),
+            _ => return,
+        }
     }
 }
 

@@ -98,6 +98,36 @@ fn a_missing_strip_leaves_the_others_in_place() {
 }
 
 #[test]
+fn runs_too_narrow_for_a_strip_are_wild_ranges() {
+    let frame = frame(&[]);
+    let spans = |edges: &[Edge]| -> Vec<(i32, f64, f64)> {
+        let span = |e: &Edge| (e.strip, e.from_rad, e.to_rad);
+        edges.iter().map(span).collect()
+    };
+    for step in &mut scattered(&frame, "none", 40, [0.5, 3.5], 27) {
+        let edges = lines_and_edges(&frame, &step.scan).edges;
+        let pose = ScannerPose::new(&frame, step.truth.position_m, step.truth.rotation_rad);
+        let scan = &mut step.scan;
+        let mut spoil = |between: [f64; 2], behind_m: f64| {
+            let middle = 0.5 * (between[0] + between[1]) - scan.angle_min_rad;
+            let i = (middle / scan.angle_increment_rad) as usize;
+            for i in [i, i + 1] {
+                let mut line = pose.line(Face::Upper).normal;
+                line.d_m += behind_m;
+                let ranges: &mut [f64] = &mut scan.ranges_m;
+                ranges[i] = line.range_m(scan.angle_min_rad + i as f64 * scan.angle_increment_rad);
+            }
+        };
+        // Two beams at the strips' distance amid the widest gap, two as far as the background amid
+        // a strip.
+        spoil([edges[3].to_rad, edges[4].from_rad], 0.0);
+        spoil([edges[2].to_rad, edges[3].from_rad], 0.7);
+        let spoilt = lines_and_edges(&frame, &step.scan).edges;
+        assert_eq!(spans(&spoilt), spans(&edges));
+    }
+}
+
+#[test]
 fn strips_on_the_walls_are_found_too() {
     let text = include_str!("../../testdata/inclined.toml");
     let frame = Frame::parse(text, std::path::Path::new("inclined.toml")).unwrap();

@@ -51,6 +51,8 @@ impl Default for Options {
 /// Gates around a coarse prediction, then none: the fit's own, m.
 const COLD_GATES_M: [f64; 8] = [0.20, 0.20, 0.15, 0.15, 0.10, 0.10, 0.06, 0.04];
 const TRACK_GATES_M: [f64; 1] = [0.08];
+/// So many sigma wide a coarse gate of a cold start is taken to be.
+const GATE_SIGMAS: f64 = 3.0;
 /// A scan that is later than this is not where the motion of the one before leads, s.
 const LONGEST_STEP_S: f64 = 0.2;
 /// Passes with the fit's own weights: until one moves the estimate by less than this, squared and
@@ -272,10 +274,16 @@ impl ReflectorFit {
                     None => LineSums::over::<true>(line, bias_m, motion, sector, weighting),
                 };
             }
+            // Within a coarse gate wild ranges weigh as much as right ones. They must not pass for
+            // a bias, which has the lines run after it out of the gate.
+            let noise_m = match coarse {
+                Some(gate_m) if cold => sigma_m.max(gate_m / GATE_SIGMAS),
+                _ => sigma_m,
+            };
             let solution = Solution::new(
                 &sums,
                 bias_m,
-                sigma_m,
+                noise_m,
                 options.bias_sigma_m,
                 options.min_points,
             )?;

@@ -141,28 +141,26 @@ fn best_walls(across: &Histogram, width_cells: usize, gap_cells: Option<usize>) 
     (best.0 as u64, best.1)
 }
 
-/// The strip plane's cell. With a background it is where the product of the counts there and one
-/// gap behind is largest: the background alone has more points than the strips.
+/// The strip plane's score and cell. With a background it is where the product of the counts there
+/// and one gap behind is largest: the background alone has more points than the strips. The score is
+/// that of a wall, points at both places, or a cargo's top would outdo the few strips in sight.
 fn best_ceiling(up: &Histogram, gap_cells: Option<usize>) -> (u64, usize) {
     const FIRST: usize = 3; // nearer than 12 cm is the platform itself
-    let mut best = (0, 0, 0);
     if let Some(gap) = gap_cells {
-        for i in FIRST..up.len() {
-            let here = up.around(i);
-            let product = here * up.around(i + gap);
-            if product > best.0 {
-                best = (product, here, i);
-            }
+        let product = |i: &usize| up.around(*i) * up.around(i + gap);
+        // Of equals the nearest.
+        if let Some(i) = (FIRST..up.len()).rev().max_by_key(product)
+            && product(&i) > 0
+        {
+            return (2 * product(&i).isqrt(), i);
         }
     }
-    if best.0 == 0 {
-        // Nothing behind: the nearest plane with a fair share of the points.
-        let most = (FIRST..up.len()).map(|i| up.around(i)).max().unwrap_or(0);
-        if let Some(i) = (FIRST..up.len()).find(|i| up.around(*i) * 2 > most) {
-            let near = i..(i + 3).min(up.len());
-            let peak = near.max_by_key(|j| up.around(*j)).unwrap_or(i);
-            best = (1, up.around(peak), peak);
-        }
-    }
-    (best.1, best.2)
+    // Nothing behind: the nearest plane with a fair share of the points.
+    let most = (FIRST..up.len()).map(|i| up.around(i)).max().unwrap_or(0);
+    let Some(i) = (FIRST..up.len()).find(|i| up.around(*i) * 2 > most) else {
+        return (0, 0);
+    };
+    let near = i..(i + 3).min(up.len());
+    let peak = near.max_by_key(|j| up.around(*j)).unwrap_or(i);
+    (up.around(peak), peak)
 }

@@ -10,14 +10,14 @@ use nalgebra::SMatrix;
 /// Number of fitted parameters: d and alpha of three lines, and the bias.
 pub(super) const N: usize = 7;
 
-/// Tukey's biweight vanishes at this many sigma. On normal errors an estimate scatters by 1.0 %
+/// Tukey's biweight vanishes at this many sigma. On normal errors an estimate scatters by 1.4 %
 /// more than least squares; small outliers (bolt heads, cables, dirt) lose most of their weight.
-pub(super) const TUKEY: f64 = 6.0;
+pub(super) const TUKEY: f64 = 5.5;
 /// Mean of w u^2 over mean of w for standard normal u: what weighting takes off the spread.
-pub(super) const WEIGHTED_SQUARE: f64 = 0.892_420;
+pub(super) const WEIGHTED_SQUARE: f64 = 0.872_896;
 /// Covariance of the estimate over the inverse of the weighted information:
 /// E\[psi^2\] E\[w\] / E\[psi'\]^2 with psi = w u.
-const COVARIANCE_FACTOR: f64 = 0.965_067;
+const COVARIANCE_FACTOR: f64 = 0.962_955;
 
 /// The rays of one sector with the ranges along them.
 #[derive(Clone, Copy, Debug)]

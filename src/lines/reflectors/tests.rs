@@ -1,7 +1,8 @@
 use super::*;
 use crate::frame::ScannerPose;
 use crate::record::{Face, TrajectoryPoint};
-use crate::simulate::staged::{frame, scattered};
+use crate::simulate::Parameters;
+use crate::simulate::staged::{frame, scattered, scattered_with};
 use nalgebra::SVector;
 
 const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
@@ -31,6 +32,38 @@ fn exact_ranges_give_the_lines_back_from_a_cold_start() {
             );
         }
     }
+}
+
+#[test]
+fn a_cold_start_needs_few_strips_and_stands_clutter() {
+    // Two strips of four are gone; a cargo's top shows more points than the other two at times, and
+    // one beam in a hundred is wild.
+    let frame = frame(&[]);
+    let mut parameters = Parameters::default();
+    parameters.missing_strip.count = 2;
+    let effects = "reference,mixed,outliers,dropouts,cables,cargo,missing-strip";
+    let options = Options {
+        track: false,
+        ..Options::default()
+    };
+    let mut fit = ReflectorFit::new(&frame, options);
+    let mut wrong = 0;
+    for seed in [113, 114, 115] {
+        for step in scattered_with(&frame, effects, &parameters, 250, [0.5, 3.5], seed) {
+            let found = fit.fit(&step.scan).expect("lines");
+            let truth = true_lines(&frame, &step.truth);
+            let off_m = |(line, truth): (&NormalLine, &NormalLine)| (line.d_m - truth.d_m).abs();
+            let furthest_m = found
+                .lines
+                .iter()
+                .zip(&truth)
+                .map(off_m)
+                .fold(0.0, f64::max);
+            wrong += usize::from(furthest_m > 0.06);
+        }
+    }
+    // Where clutter hides all but a piece of one strip, wild ranges may turn its line.
+    assert!(wrong <= 3, "{wrong} of 750");
 }
 
 #[test]
