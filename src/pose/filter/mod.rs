@@ -18,7 +18,7 @@ pub use state::Nuisances;
 use crate::frame::Frame;
 use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
-use crate::pose::joint::{self, Estimator, Measured, PITCH};
+use crate::pose::joint::{self, Estimator, Measured, PITCH, Y, Z};
 use crate::pose::pitch::{self, Pitch};
 use crate::record::{Face, Pose, ReflectorLines, Stamp, Status, upper_index};
 use chain::{Chain, EdgeBox, EdgeName, Node, Point};
@@ -159,7 +159,7 @@ impl Tracker {
             };
             let mut predicted = chain.predict(&step);
             let (off, variance) = differences(&predicted, &pose);
-            if self.gaits.compare(&off, &variance) {
+            if self.gaits.compare(span_s, &off, &variance) {
                 step.gaits = self.gaits.now();
                 predicted = chain.predict(&step);
             }
@@ -326,6 +326,25 @@ fn fill(pose: &mut Pose, state: &Gaussian<N>) {
     }
 }
 
+/// Mixes into a pose at rest, with this probability, y and z of the scan on its own: the mean and the
+/// covariance of both cases together.
+fn mix(pose: &mut Pose, alone: &Pose, started: f64) {
+    let off = [Y, Z].map(|k| alone.position_m[k] - pose.position_m[k]);
+    if !off.iter().all(|off| off.is_finite()) {
+        return;
+    }
+    for (i, row) in [Y, Z].into_iter().enumerate() {
+        let wider = (alone.cov(row, row) - pose.cov(row, row)).max(0.0);
+        pose.covariance[upper_index(6, row, row)] += started * wider;
+        for (j, col) in [Y, Z].into_iter().enumerate().skip(i) {
+            let apart = started * (1.0 - started) * off[i] * off[j];
+            pose.covariance[upper_index(6, row, col)] += apart;
+        }
+    }
+    pose.position_m[Y] += started * off[0];
+    pose.position_m[Z] += started * off[1];
+}
+
 /// The causal filter: each pose comes out with its scan.
 #[derive(Clone, Debug)]
 pub struct Filter {
@@ -363,7 +382,12 @@ impl Filter {
                 chain.settle(options.passes);
             }
             chain.trim(options.window.max(1));
+            let alone = pose.clone();
             fill(&mut pose, chain.newest());
+            let started = self.tracker.gaits.may_have_started();
+            if fate == Fate::Joined && started > 0.0 {
+                mix(&mut pose, &alone, started);
+            }
         }
         pose
     }

@@ -406,6 +406,68 @@ fn a_start_and_a_stop_leave_no_lag() {
     assert!(squares[0] < squares[1], "{squares:?}");
 }
 
+/// A pose whose components but y and z are zero and have a small variance.
+fn flat(y_m: f64, z_m: f64, sigma_m: [f64; 2]) -> Pose {
+    let mut pose = Pose {
+        position_m: [0.0, y_m, z_m],
+        rotation_rad: [0.0; 3],
+        covariance: [0.0; 21],
+        ..Pose::default()
+    };
+    for k in 0..6 {
+        let sigma = match k {
+            1 | 2 => sigma_m[k - 1],
+            _ => 1e-4,
+        };
+        pose.covariance[upper_index(6, k, k)] = sigma * sigma;
+    }
+    pose
+}
+
+#[test]
+fn a_start_that_one_scan_cannot_show_is_in_the_covariance() {
+    let (rest, scan) = ([6e-5, 9e-5], [4.3e-4, 6.5e-4]);
+    let variance = |k: usize| rest[k] * rest[k] + scan[k] * scan[k];
+    let noises = [0.3, -1.4, 0.9, 1.3, -0.8, -0.3, 1.2, -1.2];
+    // By how much a scan that is `way_m` off the rest misses, over what the mixed pose allows.
+    let nees = |way_m: f64, noise: [f64; 2]| {
+        let mut gaits = Gaits::new(true);
+        let found = [0, 1].map(|k| way_m + scan[k] * noise[k]);
+        for off in [[0.0; 2], [0.0; 2], found] {
+            let [y, z] = off;
+            gaits.compare(
+                DT,
+                &[0.0, y, z, 0.0, 0.0, 0.0],
+                &[1.0, variance(0), variance(1), 1.0, 1.0, 1.0],
+            );
+        }
+        let mut pose = flat(0.0, 0.0, rest);
+        let plain = way_m * way_m / pose.cov(1, 1);
+        match gaits.may_have_started() {
+            // It is sure, and the filter follows the scan.
+            0.0 => pose = flat(found[0], found[1], scan),
+            started => mix(&mut pose, &flat(found[0], found[1], scan), started),
+        }
+        let off = pose.position_m[1] - way_m;
+        (off * off / pose.cov(1, 1), plain)
+    };
+    let (mut mixed, mut plain, mut still, mut n) = (0.0, 0.0, 0.0, 0.0);
+    for phase in 0..10 {
+        // 5 m/s^2 from somewhere between the two scans on.
+        let since_s = DT * (f64::from(phase) + 0.5) / 10.0;
+        for k in 0..8 {
+            let noise = [noises[k], noises[(k + 3) % 8]];
+            let (with, without) = nees(2.5 * since_s * since_s, noise);
+            mixed += with;
+            plain += without;
+            still += nees(0.0, noise).0;
+            n += 1.0;
+        }
+    }
+    assert!(mixed < 0.25 * plain, "{} {}", mixed / n, plain / n);
+    assert!(still < 0.3 * n, "{}", still / n);
+}
+
 #[test]
 fn scans_from_all_over_are_so_many_starts() {
     let frame = frame(&[]);
