@@ -35,7 +35,10 @@ def run(row, seed, out):
     out.mkdir(parents=True, exist_ok=True)
     q = shlex.quote
     frame = q(row["frame"])
-    sizes = row.get("sizes", "") + (IMU if row["pitch"] == "imu" else "")
+    sizes = row.get("sizes", "")
+    if isinstance(sizes, list):
+        sizes = sizes[row["seeds"].index(seed)]
+    sizes += (IMU if row["pitch"] == "imu" else "")
     (out / "effects.toml").write_text(sizes)
     course = row.get("trajectory", "")
     if "--trajectory" not in course:
