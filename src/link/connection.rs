@@ -348,7 +348,9 @@ impl Connection {
                     (result, HostInstant::now())
                 }
                 Transport::Tcp(stream) => {
-                    if !ready(stream, PollFlags::IN, left).map_err(|e| self.fault(e))? {
+                    // A socket says by itself that there is nothing, without being asked before.
+                    let waits = !left.is_zero();
+                    if waits && !ready(stream, PollFlags::IN, left).map_err(|e| self.fault(e))? {
                         return Ok(None);
                     }
                     let at = HostInstant::now();

@@ -45,6 +45,15 @@ enum Door {
     Pty,
 }
 
+/// What there is to do.
+struct Ready {
+    /// Whether each line can be read.
+    lines: Vec<bool>,
+    /// Whether somebody may be at a door. Asking every door each time would cost a request for
+    /// nothing, in the middle of an answer.
+    doors: bool,
+}
+
 /// A pseudo terminal that is unplugged, to come back.
 struct Unplugged {
     id: LineId,
@@ -221,8 +230,10 @@ impl Emulation {
         while !stop() && !device.ended() {
             self.suffer(device);
             let ready = self.wait(device)?;
-            self.accept(device);
-            self.receive(device, &ready, &mut buffer, &mut out);
+            if ready.doors {
+                self.accept(device);
+            }
+            self.receive(device, &ready.lines, &mut buffer, &mut out);
             let now_ns = self.time.now_ns();
             if device.due_ns().is_some_and(|due_ns| due_ns <= now_ns) {
                 device.advance(now_ns, &mut out);
@@ -241,8 +252,8 @@ impl Emulation {
         now_ns < self.dark_until_ns
     }
 
-    /// Waits until there is something to do; whether each line can be read.
-    fn wait(&mut self, device: &impl Device) -> Result<Vec<bool>, LinkError> {
+    /// Waits until there is something to do.
+    fn wait(&mut self, device: &impl Device) -> Result<Ready, LinkError> {
         let now_ns = self.time.now_ns();
         let due_ns = device.due_ns();
         let mut wait = NAP;
@@ -271,7 +282,10 @@ impl Emulation {
         }
         if self.is_dark(now_ns) {
             std::thread::sleep(wait);
-            return Ok(vec![false; self.lines.len()]);
+            return Ok(Ready {
+                lines: vec![false; self.lines.len()],
+                doors: true,
+            });
         }
         let silent = now_ns < self.stalled_until_ns;
         let mut waited: Vec<(BorrowedFd, PollFlags)> = Vec::new();
@@ -307,10 +321,11 @@ impl Emulation {
             }
         }
         let readable = PollFlags::IN | PollFlags::HUP | PollFlags::ERR;
-        let lines = waited.iter().take(self.lines.len());
-        Ok(lines
-            .map(|line| line.revents().intersects(readable))
-            .collect())
+        let readable = |waited: &PollFd| waited.revents().intersects(readable);
+        Ok(Ready {
+            lines: waited.iter().take(self.lines.len()).map(readable).collect(),
+            doors: waited.iter().skip(self.lines.len()).any(readable),
+        })
     }
 
     fn accept(&mut self, device: &mut impl Device) {
