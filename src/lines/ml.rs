@@ -306,6 +306,10 @@ impl Candidates {
             };
             value[i] = least[i] + cost_m2 * per_m2;
         }
+        // Two beams contradict no line, but for rounding: as in `PrefixSums::cost_m2`.
+        for i in (0..n).rev().take_while(|i| t - (self.at[*i] as usize) < 3) {
+            value[i] = least[i];
+        }
         self.seen_at = t;
         self.looks += 1;
         self.newcomers.clear();
