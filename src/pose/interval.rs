@@ -180,6 +180,7 @@ impl Normal {
     /// By rational approximations of the error function (Cody, Mathematics of Computation 23, 1969,
     /// p. 631), which share their exponential with the density.
     #[inline]
+    #[allow(clippy::excessive_precision)] // the constants are those of the paper
     fn at(x: f64) -> Normal {
         const NORM: f64 = 0.398_942_280_401_432_7;
         const SMALL: [[f64; 5]; 2] = [
