@@ -172,8 +172,8 @@ pub(super) fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
     // The block with the farthest beam first: blocks go through vector registers.
     let (mut farthest, mut block) = (-1.0f64, 0);
     for (i, (y, z)) in run.y_m.chunks(BLOCK).zip(run.z_m.chunks(BLOCK)).enumerate() {
-        let largest = match (y.as_array::<BLOCK>(), z.as_array::<BLOCK>()) {
-            (Some(y), Some(z)) => largest_of(std::array::from_fn(|lane| off(y[lane], z[lane]))),
+        let largest = match (<&[f64; BLOCK]>::try_from(y), <&[f64; BLOCK]>::try_from(z)) {
+            (Ok(y), Ok(z)) => largest_of(std::array::from_fn(|lane| off(y[lane], z[lane]))),
             _ => y
                 .iter()
                 .zip(z)
