@@ -26,6 +26,8 @@ const SYMBOL: &str = "MAIN.SickValue";
 /// What is promised at 100 Hz, us.
 const GOAL_P50_US: f64 = 60.0;
 const GOAL_P99_US: f64 = 300.0;
+/// Bytes of the answer to a write: both headers and a result.
+const REPLY: usize = 6 + 32 + 4;
 const MILLION: u64 = 1_000_000;
 
 type Failure = Box<dyn std::error::Error>;
@@ -155,11 +157,10 @@ fn trips() -> Result<(), Failure> {
         ("at 100 Hz", 2000, Duration::from_millis(10)),
         ("one after the other", 100_000, Duration::ZERO),
     ] {
-        let mut reply = [0; 256];
+        let mut reply = [0; REPLY];
         let spans = timed(count, period, |_| {
             bare.write_all(&request)?;
-            bare.read(&mut reply)?;
-            Ok(())
+            Ok(bare.read_exact(&mut reply)?)
         })?;
         line(&format!("{rate}, the machine alone"), spans, false);
         let spans = timed(count, period, |_| {
