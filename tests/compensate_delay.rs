@@ -13,7 +13,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 const DELAY_NS: i64 = 62_000_000;
 const LOOP: &str = "simulate -f frame.toml --trajectory loop --profile quintic --speed-m-s 3.13 \
-                    --effects reference";
+                    --effects reference,motion";
 
 /// A directory with a loop at 3.13 m/s: poses.csv, poses.mcap, truth.csv, desired.csv, imu.csv.
 fn a_loop(name: &str) -> PathBuf {

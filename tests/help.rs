@@ -74,7 +74,7 @@ fn run_examples(tool: &str) {
     let help = sh(&dir, &format!("{tool} --help")).expect(0);
     let commands = examples(help.text());
     assert!(
-        (3..=8).contains(&commands.len()),
+        (3..=10).contains(&commands.len()),
         "{tool}: {} examples",
         commands.len()
     );
@@ -147,7 +147,7 @@ fn the_examples_of_the_readme_run() {
         .skip(1)
         .map(|rest| rest.split("```").next().unwrap())
         .collect();
-    assert_eq!(blocks.len(), 4);
+    assert_eq!(blocks.len(), 5);
     for block in blocks {
         let ended = sh(&dir, &format!("set -e\n{block}"));
         assert_eq!(ended.status, 0, "{block}\n{}", ended.stderr);

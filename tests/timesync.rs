@@ -266,7 +266,8 @@ fn delay_is_found_by_every_method() {
     assert!(sigma_s > 0.0 && sigma_s < 0.5e-3, "{sigma_s}");
     assert_eq!(found["fit"]["parts"].as_array().unwrap().len(), 5);
     let parabolic_s = delay("--method parabolic")["delay_s"].as_f64().unwrap();
-    assert!((parabolic_s - fitted_s).abs() < 1e-3);
+    // A parabola through three lags that are a scan apart is good to a fraction of a scan.
+    assert!((parabolic_s - fitted_s).abs() < 5e-3);
     let xcorr_s = delay("--method xcorr")["delay_s"].as_f64().unwrap();
     assert!((0.0..0.1).contains(&xcorr_s));
     // The curve is lowest at the delay, and high where nothing is compensated.

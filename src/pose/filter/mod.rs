@@ -4,7 +4,7 @@
 //! scale, the constant part of the hit threshold, the error of the pitch that was given (it does not
 //! average out). The range bias is drawn anew for every scan unless the user knows better. What a scan
 //! says is taken from [`crate::pose::joint`] as it stands: lines and sub-beam edges as Gaussian
-//! measurements, other edges as boxes. See [`chain`] for what keeps the covariance honest, [`gaits`]
+//! measurements, other edges as boxes. See `chain` for what keeps the covariance honest, `gaits`
 //! for how lively a platform the filter expects.
 //!
 //! A scan that cannot come from where the platform was is a new start, and its status says so.

@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::lines::reflectors::{JointLines, ReflectorFit};
 use crate::motion::{self, Guide, KnownMotion, LineFit, Relation, SelfMotion};
-use crate::record::{ReflectorLines, Scan, ScanMotion, TrajectoryPoint};
+use crate::record::{ReflectorLines, Scan, ScanMotion, Stamp, TrajectoryPoint};
 use crate::stream::{Fault, Input, Options, Role, SideInput};
 use crate::tool::common::parse_duration;
 use std::collections::VecDeque;
@@ -161,6 +161,13 @@ pub(super) struct Fitted {
     pub(super) before: Option<KnownMotion>,
 }
 
+/// The lines' reference instant on the clock that tells best how far apart scans are: the device's
+/// own, where it has one, because a live stamp is only known to the jitter of its way here.
+fn on_own_clock(scan: &Scan, lines: &ReflectorLines) -> Stamp {
+    let begun = scan.device.unwrap_or(scan.stamp);
+    begun + (lines.stamp - lines.scan_stamp)
+}
+
 impl Deskew {
     /// Fits the lines of a scan with its motion taken out and puts them into `lines`; none where
     /// there are no lines.
@@ -175,7 +182,7 @@ impl Deskew {
             Knowledge::Rest => (fit.fit(scan), ScanMotion::REST),
             Knowledge::Own(own) => {
                 let mut found = None;
-                let deskewed = own.take(lines.stamp, |motion| {
+                let deskewed = own.take(on_own_clock(scan, lines), |motion| {
                     let joint = fit.fit_moving(scan, motion)?;
                     found = Some(joint);
                     Some(line_fit(fit, &joint))
@@ -301,7 +308,7 @@ fn hindsight(
     let mut lines = ReflectorLines::default();
     while let Some(scan) = scans.next()? {
         lines.begin(scan);
-        own.take(lines.stamp, |motion| {
+        own.take(on_own_clock(scan, &lines), |motion| {
             let joint = fit.fit_moving(scan, motion)?;
             Some(line_fit(&fit, &joint))
         });

@@ -134,7 +134,8 @@ EXAMPLES
   The same with pitch known to be level:
     extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --pitch-deg 0 > poses.csv
   Each pose from all scans so far, for a platform that moves or stands:
-    extract-lines -f frame.toml scans.csv | solve-pose -f frame.toml --filter --imu imu.csv > poses.csv
+    extract-lines -f frame.toml scans.csv \\
+      | solve-pose -f frame.toml --filter --imu imu.csv > poses.csv
   A recorded run, each pose from all of its scans:
     solve-pose -f frame.toml --smooth --imu imu.csv lines.csv -o smooth.csv
   How the IMU sits on the platform, from a run in the plane x = 0:
