@@ -4,6 +4,7 @@
 mod shell;
 
 use cablepose::link::emulation::Conditions;
+use cablepose::twincat::Code;
 use cablepose::twincat::emulator::{Plc, Service, SharedPlc};
 use cablepose::twincat::route::{Credentials, answer};
 use shell::{scratch, sh};
@@ -413,6 +414,69 @@ fn a_changed_program_is_checked_again() {
     assert_eq!(plc.lock().connections, 1);
     feeder.end();
     ends(running.wait(), 0, &[]);
+}
+
+/// A controller that takes every question and no write must not be asked as fast as can be.
+#[test]
+fn writes_that_are_always_refused_are_held_back() {
+    let (plc, service) = serve(Plc::with_sick_value());
+    let mut running = Running::start(&[&service.target(&plc), SYMBOL]);
+    let feeder = Feeder::start(&mut running);
+    more_writes(&plc, 10);
+    plc.lock().trouble.refuse = Some(Code::OLD_SYMBOL);
+    running.hears("though the variables were found a moment ago");
+    let renewed = running
+        .said
+        .lock()
+        .unwrap()
+        .matches("checked again, and fit")
+        .count();
+    assert!(renewed <= 1, "{renewed}");
+    plc.lock().trouble.refuse = None;
+    more_writes(&plc, 10);
+    feeder.end();
+    ends(running.wait(), 3, &["connected again after"]);
+}
+
+/// Two programs on one host: each gets its turn, and the controller is not flooded.
+#[test]
+fn two_that_end_each_others_connections_both_write() {
+    let (plc, service) = serve(Plc::with_sick_value());
+    plc.lock().trouble.one_connection = true;
+    let target = service.target(&plc);
+    let mut both = [(); 2].map(|()| Running::start(&[&target, SYMBOL]));
+    let feeders: Vec<Feeder> = both.iter_mut().map(Feeder::start).collect();
+    for running in &both {
+        running.hears("connected again after");
+        running.hears("keeps one connection a host");
+    }
+    feeders.into_iter().for_each(Feeder::end);
+    for running in both {
+        let done = running.wait();
+        assert_eq!(done.status, 3, "{}", done.stderr);
+        assert!(!done.stderr.contains(" 0 poses written"), "{}", done.stderr);
+    }
+}
+
+#[test]
+fn poses_before_the_first_connection_are_told() {
+    let plc = SharedPlc::new(Plc::with_sick_value());
+    let service = serve_at(&plc, ([127, 0, 0, 1], 0).into());
+    let (target, address) = (service.target(&plc), service.address());
+    drop(service);
+    let mut running = Running::start(&[&target, SYMBOL, "--wait", "60s"]);
+    let feeder = Feeder::start(&mut running);
+    running.hears("trying again");
+    let fed = feeder.fed.load(Ordering::Relaxed);
+    let due = Instant::now() + LONG;
+    while feeder.fed.load(Ordering::Relaxed) < fed + 20 && Instant::now() < due {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let _service = serve_at(&plc, address);
+    more_writes(&plc, 5);
+    feeder.end();
+    let texts = ["not written before the first connection"];
+    ends(running.wait(), 0, &texts);
 }
 
 #[test]

@@ -6,8 +6,8 @@
 use super::extractor::{ExtractorOptions, Fate};
 use super::fit::{self, BeamSlice, Beams, InverseLine, InverseRangeSums};
 use super::runs::Runs;
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment, Stamp};
+use super::segmentation::{Cut, Returns};
+use crate::record::{Scan, Segment, Stamp};
 use std::ops::Range;
 
 /// Makes a scan's segments; keeps its buffers from scan to scan.
@@ -72,6 +72,9 @@ impl Assembly {
         options: &ExtractorOptions,
         out: &mut Vec<Segment>,
     ) {
+        if start.is_some_and(|line| self.add_whole(returns, runs.clone(), line, options, out)) {
+            return;
+        }
         self.collect(returns, runs.clone());
         let start = start.or_else(|| self.kept.all().iter().collect::<InverseRangeSums>().line());
         let Some(line) = start.and_then(|line| self.keep_inliers(returns, runs, line, options))
@@ -92,6 +95,44 @@ impl Assembly {
         }
         self.add_piece(returns, beams, from..beams.len(), line, options, out);
         self.kept = kept;
+    }
+
+    /// Adds the line through a single run of which no beam lies too far off: most lines, and nothing
+    /// has to be copied. Tells whether that was so.
+    fn add_whole(
+        &mut self,
+        returns: &Returns,
+        mut runs: impl Iterator<Item = Range<usize>>,
+        line: InverseLine,
+        options: &ExtractorOptions,
+        out: &mut Vec<Segment>,
+    ) -> bool {
+        let (Some(run), None) = (runs.next(), runs.next()) else {
+            return false;
+        };
+        let beams = returns.beams().run(run.start, run.end);
+        let limit_m = options.trim_sigmas * options.segmentation.sigma_m;
+        // These cuts leave no gap inside a group.
+        let close = matches!(options.segmentation.cut, Cut::Adaptive | Cut::Jump);
+        if beams.len() < options.min_points
+            || !line.is_within(limit_m, beams)
+            || !(close || widest_gap_m(beams, line) <= options.segmentation.max_gap_m)
+        {
+            return false;
+        }
+        let first = run.start as u32;
+        let fate = match self.segment(beams, line, options) {
+            Some(segment) => {
+                out.push(Segment {
+                    line: first,
+                    ..segment
+                });
+                Fate::OnLine(first)
+            }
+            None => Fate::TooShort,
+        };
+        self.judge(returns, run, fate);
+        true
     }
 
     /// Lines up the beams of `runs`.
@@ -139,7 +180,7 @@ impl Assembly {
         let limit_m = options.trim_sigmas * options.segmentation.sigma_m;
         let enough = |beams: usize| beams >= options.min_points;
         // Most lines lose nothing.
-        if start.largest_residual_m(self.kept.all()) <= limit_m {
+        if start.is_within(limit_m, self.kept.all()) {
             if enough(self.kept_at.len()) {
                 return Some(start);
             }
@@ -215,9 +256,15 @@ impl Assembly {
     ) -> Option<Segment> {
         let sigma_m = options.segmentation.sigma_m;
         let line = fit::fit_near(start, piece, sigma_m, options.estimator, options.loss)?;
+        let (sin, cos) = line.normal.alpha_rad.sin_cos();
+        // Where the beam through a point meets the line.
+        let on_line = |y_m: &f64, z_m: &f64| {
+            let scale = line.normal.d_m / (y_m * cos + z_m * sin);
+            [y_m * scale, z_m * scale]
+        };
         let ends_m = [
-            on_line(line.normal, piece.y_m.first()?, piece.z_m.first()?),
-            on_line(line.normal, piece.y_m.last()?, piece.z_m.last()?),
+            on_line(piece.y_m.first()?, piece.z_m.first()?),
+            on_line(piece.y_m.last()?, piece.z_m.last()?),
         ];
         let length_m = (ends_m[1][0] - ends_m[0][0]).hypot(ends_m[1][1] - ends_m[0][1]);
         (length_m >= options.min_length_m).then_some(Segment {
@@ -273,10 +320,3 @@ fn widest_gap_m(beams: BeamSlice<'_>, line: InverseLine) -> f64 {
 }
 
 const LANES: usize = 4;
-
-/// Where the beam through a point meets a line, m.
-fn on_line(line: NormalLine, y_m: &f64, z_m: &f64) -> [f64; 2] {
-    let (sin, cos) = line.alpha_rad.sin_cos();
-    let scale = line.d_m / (y_m * cos + z_m * sin);
-    [y_m * scale, z_m * scale]
-}

@@ -167,7 +167,8 @@ impl Partition {
             }
             self.least.push(best);
             self.start.push(from);
-            self.candidates.drop_hopeless(best + costs.slack());
+            self.candidates
+                .drop_hopeless(best + costs.slack() + ROUNDING);
         }
         self.lines.clear();
         let mut t = n;
@@ -259,8 +260,7 @@ impl Candidates {
         let run = |from: usize| prefix.cost_m2(from, t) * costs.per_m2;
         let leader = self.at[self.leader];
         let lead = self.least[self.leader] + run(leader as usize);
-        // Rounding may make a bound a little too high.
-        let limit = lead.min(best - costs.line) * (1.0 + 1e-9);
+        let limit = lead.min(best - costs.line) + ROUNDING;
         let mut others = self.runner_up;
         if others < limit {
             others += run(self.seen_at);
@@ -306,6 +306,10 @@ impl Candidates {
             };
             value[i] = least[i] + cost_m2 * per_m2;
         }
+        // Two beams contradict no line, but for rounding: as in `PrefixSums::cost_m2`.
+        for i in (0..n).rev().take_while(|i| t - (self.at[*i] as usize) < 3) {
+            value[i] = least[i];
+        }
         self.seen_at = t;
         self.looks += 1;
         self.newcomers.clear();
@@ -339,6 +343,9 @@ impl Candidates {
     }
 }
 
+/// What rounding in differences of prefix sums may make of a chi-square: bounds are trusted no
+/// further, so that none of two equally cheap partitions is lost to the other's rounding.
+const ROUNDING: f64 = 1e-3;
 /// Newcomers that share a bound.
 const BLOCK: usize = 4;
 

@@ -357,7 +357,7 @@ impl Returns {
             let points = y0.iter().zip(y1).zip(z0.iter().zip(z1));
             for ((r0, r1), ((y0, y1), (z0, z1))) in r0.iter().zip(r1).zip(points) {
                 let near_m = if r0 < r1 { *r0 } else { *r1 };
-                let limit_m = near_m * rule.factor + rule.offset_m;
+                let limit_m = near_m * rule.factors[0] + rule.offset_m;
                 let limit_m = if limit_m < rule.max_gap_m {
                     limit_m
                 } else {
@@ -437,8 +437,8 @@ struct BreakRule {
     edge_m: f64,
     step_rad: f64,
     cos_step: f64,
-    /// Factor on the nearer range for neighbouring beams.
-    factor: f64,
+    /// Factor on the nearer range for neighbouring beams, and for those one further on.
+    factors: [f64; 2],
     lambda_rad: f64,
     offset_m: f64,
     max_gap_m: f64,
@@ -454,22 +454,22 @@ impl BreakRule {
             edge_m: options.edge_m,
             step_rad,
             cos_step: step_rad.cos(),
-            factor: 0.0,
+            factors: [0.0; 2],
             lambda_rad: options.breakpoint_angle_rad,
             offset_m: 3.0 * options.sigma_m,
             max_gap_m: options.max_gap_m,
             steps_round: (TAU / step_rad).round() as u32,
         };
-        rule.factor = rule.factor_over(1);
+        rule.factors = [rule.factor_over(1), rule.factor_over(2)];
         rule
     }
 
     #[inline]
     fn limit_m(&self, near_m: f64, steps: u32) -> f64 {
-        let factor = if steps == 1 {
-            self.factor
-        } else {
-            self.factor_over(steps)
+        let factor = match steps {
+            1 => self.factors[0],
+            2 => self.factors[1],
+            _ => self.factor_over(steps),
         };
         (near_m * factor + self.offset_m).min(self.max_gap_m)
     }

@@ -124,7 +124,7 @@ impl SplitAndMerge {
         let line = self.prefix.between(a, b).line()?;
         let run = group.run(a, b);
         let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
-        if line.largest_residual_m(run) <= limit_m {
+        if line.is_within(limit_m, run) {
             return None;
         }
         let corner = a + farthest_from_chord(run);
@@ -144,9 +144,12 @@ impl SplitAndMerge {
         if bound_m2 <= 0.0 {
             return None;
         }
+        let borders = (a + side..=b - side).step_by(COARSE_STEP);
+        if !self.prefix.may_be_two(a, b, borders.clone(), bound_m2) {
+            return None;
+        }
         let halves_m2 = |k: usize| self.prefix.cost_m2(a, k) + self.prefix.cost_m2(k, b);
-        let (border, cost_m2) = (a + side..=b - side)
-            .step_by(COARSE_STEP)
+        let (border, cost_m2) = borders
             .map(|k| (k, halves_m2(k)))
             .min_by(|x, y| x.1.total_cmp(&y.1))?;
         (cost_m2 < bound_m2).then_some(border)
@@ -156,36 +159,50 @@ impl SplitAndMerge {
 /// Coarseness of the search for a better border, beams; the border is settled afterwards.
 const COARSE_STEP: usize = 4;
 
-const LANES: usize = 4;
+/// Beams looked at together.
+const BLOCK: usize = 8;
 
-/// Index of the beam farthest from the chord between the run's first and last point.
+/// Index of the beam farthest from the chord between the run's first and last point; the first one
+/// of several.
 pub(super) fn farthest_from_chord(run: BeamSlice<'_>) -> usize {
     let last = run.len().saturating_sub(1);
     let (y0, z0) = (run.y_m[0], run.z_m[0]);
     let (dy, dz) = (run.y_m[last] - y0, run.z_m[last] - z0);
     let off = |y: f64, z: f64| ((y - y0) * dz - (z - z0) * dy).abs();
-    let mut farthest = [0.0f64; LANES];
-    let (y4, y_rest) = run.y_m.as_chunks::<LANES>();
-    let (z4, z_rest) = run.z_m.as_chunks::<LANES>();
-    for (y, z) in y4.iter().zip(z4) {
-        for lane in 0..LANES {
-            let off = off(y[lane], z[lane]);
-            farthest[lane] = if off > farthest[lane] {
-                off
-            } else {
-                farthest[lane]
-            };
+    // The block with the farthest beam first: blocks go through vector registers.
+    let (mut farthest, mut block) = (-1.0f64, 0);
+    for (i, (y, z)) in run.y_m.chunks(BLOCK).zip(run.z_m.chunks(BLOCK)).enumerate() {
+        let largest = match (<&[f64; BLOCK]>::try_from(y), <&[f64; BLOCK]>::try_from(z)) {
+            (Ok(y), Ok(z)) => largest_of(std::array::from_fn(|lane| off(y[lane], z[lane]))),
+            _ => y
+                .iter()
+                .zip(z)
+                .fold(0.0f64, |all, (y, z)| all.max(off(*y, *z))),
+        };
+        if largest > farthest {
+            (farthest, block) = (largest, i);
         }
     }
-    for (y, z) in y_rest.iter().zip(z_rest) {
-        farthest[0] = farthest[0].max(off(*y, *z));
-    }
-    let farthest = farthest.iter().fold(0.0f64, |a, b| a.max(*b));
-    let points = run.y_m.iter().zip(run.z_m);
-    points
+    let from = block * BLOCK;
+    let points = run.y_m.iter().zip(run.z_m).skip(from);
+    from + points
         .map(|(y, z)| off(*y, *z))
         .position(|off| off == farthest)
         .unwrap_or(0)
+}
+
+/// The largest of some numbers, in halves, so that each step goes through vector registers.
+#[inline]
+fn largest_of(mut values: [f64; BLOCK]) -> f64 {
+    let mut width = BLOCK / 2;
+    while width > 0 {
+        for i in 0..width {
+            let other = values[i + width];
+            values[i] = if other > values[i] { other } else { values[i] };
+        }
+        width /= 2;
+    }
+    values[0]
 }
 
 #[cfg(test)]

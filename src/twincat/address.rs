@@ -122,6 +122,8 @@ impl FromStr for Target {
             (Some(host), Ok(_)) => place(host)?,
             (Some(_), Err(_)) => return Err(wrong()),
             (None, Ok(net_id)) => (net_id.host().to_string(), None),
+            // A NetId with a number too few would be taken for a host's name.
+            (None, Err(error)) if is_numbers(name) => return Err(error.clone()),
             (None, Err(_)) => place(name)?,
         };
         Ok(Target {
@@ -131,6 +133,13 @@ impl FromStr for Target {
             port,
         })
     }
+}
+
+/// Whether a text is nothing but numbers with points between, and yet no IPv4 address.
+fn is_numbers(text: &str) -> bool {
+    text.contains('.')
+        && text.bytes().all(|b| b == b'.' || b.is_ascii_digit())
+        && text.parse::<Ipv4Addr>().is_err()
 }
 
 impl fmt::Display for Target {
@@ -198,6 +207,11 @@ mod tests {
             "/dev/ttyS0",
         ] {
             assert!(text.parse::<Target>().is_err(), "{text}");
+        }
+        // A NetId that lacks a number is no host's name.
+        for text in ["192.0.2.10.1", "1.2.3:851", "192.0.2.10.1.1.1"] {
+            let wrong = text.parse::<Target>().unwrap_err();
+            assert!(wrong.to_string().contains("six numbers"), "{text}: {wrong}");
         }
     }
 

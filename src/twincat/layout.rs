@@ -254,6 +254,10 @@ impl Layout {
         if offset.saturating_add(size) > self.size || depth > MOST_DEPTH {
             return Err(wrong("its place cannot be"));
         }
+        // They are numbers to the controller, and an address made of a pose would end its program.
+        if points_elsewhere(&part.type_name) {
+            return Err(wrong("pointers and references are not written"));
+        }
         if let Some(scalar) = Scalar::from_base(part.base) {
             let count = size / scalar.size();
             let whole = count > 0 && count * scalar.size() == size;
@@ -295,6 +299,15 @@ impl Layout {
     }
 }
 
+/// Whether a type, or what an array of it is made of, holds an address.
+fn points_elsewhere(type_name: &str) -> bool {
+    let upper = type_name.to_ascii_uppercase();
+    let element = upper.rsplit("] OF ").next().unwrap_or_default().trim();
+    ["POINTER TO", "REFERENCE TO", "PVOID"]
+        .iter()
+        .any(|start| element.starts_with(start))
+}
+
 /// `9*LREAL`, `LREAL,UDINT,_4,LREAL`: types in their order, with bytes that are left free; nothing is
 /// aligned by itself.
 impl FromStr for Layout {
@@ -314,7 +327,7 @@ impl FromStr for Layout {
                 Some((count, scalar)) => (count.trim().parse().unwrap_or(0), scalar.trim()),
                 None => (1, item),
             };
-            if count == 0 || layout.slots.len() + count > MOST_SLOTS {
+            if count == 0 || count > MOST_SLOTS - layout.slots.len() {
                 return Err(LayoutError(format!("{item:?}: how many of them?")));
             }
             let scalar: Scalar = scalar.parse()?;
@@ -359,6 +372,39 @@ impl fmt::Display for Layout {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_count_beyond_all_numbers_is_refused() {
+        for text in [
+            "LREAL,18446744073709551615*LREAL",
+            "4096*INT,INT",
+            "5000*INT",
+        ] {
+            let wrong = text.parse::<Layout>().unwrap_err();
+            assert!(wrong.to_string().contains("how many"), "{wrong}");
+        }
+        assert_eq!("4096*INT".parse::<Layout>().unwrap().size, 8192);
+    }
+
+    #[test]
+    fn pointers_are_not_written() {
+        for type_name in [
+            "POINTER TO LREAL",
+            "ARRAY [0..3] OF reference to ST_X",
+            "PVOID",
+        ] {
+            let symbol = Symbol {
+                name: "MAIN.p".into(),
+                type_name: type_name.into(),
+                base: 21,
+                size: 8,
+                ..Symbol::default()
+            };
+            let look_up = |_: &str| -> Result<DataType, LayoutError> { unreachable!() };
+            let wrong = Layout::of_symbol(&symbol, look_up).unwrap_err();
+            assert!(wrong.to_string().contains("pointers"), "{wrong}");
+        }
+    }
 
     #[test]
     fn numbers_fit_or_are_clipped() {

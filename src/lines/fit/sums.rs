@@ -25,23 +25,24 @@ impl InverseLine {
         range_m * (self.a * y_m + self.b * z_m - 1.0)
     }
 
-    /// Largest residual of all beams to first order, m. In lanes, so that it goes through vector
-    /// registers.
-    pub fn largest_residual_m(self, beams: BeamSlice<'_>) -> f64 {
-        let mut largest = [0.0f64; LANES];
-        let (r4, r_rest) = beams.range_m.as_chunks::<LANES>();
-        let (y4, y_rest) = beams.y_m.as_chunks::<LANES>();
-        let (z4, z_rest) = beams.z_m.as_chunks::<LANES>();
-        for ((r, y), z) in r4.iter().zip(y4).zip(z4) {
-            for lane in 0..LANES {
-                let e = self.residual_m(r[lane], y[lane], z[lane]).abs();
-                largest[lane] = if e > largest[lane] { e } else { largest[lane] };
+    /// Whether all residuals are, to first order, at most `limit_m`. Beams are taken in blocks that
+    /// go through vector registers; the first block that says no ends the search.
+    pub fn is_within(self, limit_m: f64, beams: BeamSlice<'_>) -> bool {
+        let within = |r: f64, y: f64, z: f64| self.residual_m(r, y, z).abs() <= limit_m;
+        let (r8, r_rest) = beams.range_m.as_chunks::<BLOCK>();
+        let (y8, y_rest) = beams.y_m.as_chunks::<BLOCK>();
+        let (z8, z_rest) = beams.z_m.as_chunks::<BLOCK>();
+        for ((r, y), z) in r8.iter().zip(y8).zip(z8) {
+            let mut all = true;
+            for lane in 0..BLOCK {
+                all &= within(r[lane], y[lane], z[lane]);
+            }
+            if !all {
+                return false;
             }
         }
-        for ((r, y), z) in r_rest.iter().zip(y_rest).zip(z_rest) {
-            largest[0] = largest[0].max(self.residual_m(*r, *y, *z).abs());
-        }
-        largest.iter().fold(0.0, |a, b| a.max(*b))
+        let mut rest = r_rest.iter().zip(y_rest).zip(z_rest);
+        rest.all(|((r, y), z)| within(*r, *y, *z))
     }
 }
 
@@ -56,7 +57,8 @@ impl From<NormalLine> for InverseLine {
     }
 }
 
-const LANES: usize = 4;
+/// Beams looked at together.
+const BLOCK: usize = 8;
 
 /// Weighted sums of the 1/r problem over a set of beams. Sums of disjoint sets add up.
 #[derive(Clone, Copy, Debug, Default)]
@@ -171,6 +173,45 @@ impl PrefixSums {
             sums.add(range_m, y_m, z_m, 1.0);
             sums
         }));
+    }
+
+    /// Whether some border in `borders` may part `from..to` so that two lines lower the sum of
+    /// squared residuals to less than `bound_m2`; says no only where there is none.
+    ///
+    /// With L and R the sums before and behind a border, both as differences to the prefix sum
+    /// there, and `explained = num / det`, two lines leave
+    /// `one - num_L / det_L - num_R / det_R`: multiplied out, no border costs a division, and L and
+    /// R go through one vector register side by side.
+    pub fn may_be_two(
+        &self,
+        from: usize,
+        to: usize,
+        borders: impl Iterator<Item = usize>,
+        bound_m2: f64,
+    ) -> bool {
+        let (a, b) = (self.before[from].parts(), self.before[to].parts());
+        // Rounding must not turn a yes into a no.
+        let least = (b[5] - a[5] - bound_m2) * (1.0 - 1e-9);
+        let mut any = false;
+        for k in borders {
+            let at = self.before[k].parts();
+            // L, and R with its sign turned: its `det` stays, its `num` changes sign.
+            let of = |part: usize| [at[part] - a[part], at[part] - b[part]];
+            let (yy, yz, zz, y, z) = (of(0), of(1), of(2), of(3), of(4));
+            let (mut num, mut det) = ([0.0; 2], [0.0; 2]);
+            let mut degenerate = [0.0; 2];
+            for side in 0..2 {
+                let product = yy[side] * zz[side];
+                det[side] = product - yz[side] * yz[side];
+                degenerate[side] = DEGENERATE * product;
+                num[side] = y[side] * (y[side] * zz[side] - z[side] * yz[side])
+                    + z[side] * (z[side] * yy[side] - y[side] * yz[side]);
+            }
+            let regular = (det[0] > degenerate[0]) & (det[1] > degenerate[1]);
+            let explained = num[0] * det[1] - num[1] * det[0];
+            any |= !(regular & (explained <= least * (det[0] * det[1])));
+        }
+        any
     }
 
     /// Sums over the beams before `to`.

@@ -231,6 +231,66 @@ fn outliers_do_not_pull() {
     assert!(robust < 1.3, "{robust}");
 }
 
+/// The walls of six scenes as a scanner sees them: three side walls, a ceiling at two heights, and
+/// half a ceiling.
+fn six_scenes() -> [Scene; 6] {
+    let side = |d_m: f64| {
+        let to = |z_m: f64| z_m.atan2(d_m).to_degrees();
+        (exact(d_m, 0.0, to(0.5), to(4.0)), d_m, 0.0)
+    };
+    let ceiling = |d_m: f64, from_m: f64, to_m: f64| {
+        let at = |y_m: f64| 90.0 + y_m.atan2(d_m).to_degrees();
+        (exact(d_m, 90.0, at(from_m), at(to_m)), d_m, 90.0)
+    };
+    [
+        side(4.0),
+        side(7.0),
+        side(10.0),
+        ceiling(2.0, -5.0, 5.0),
+        ceiling(4.0, -5.0, 5.0),
+        ceiling(3.0, 0.5, 5.0),
+    ]
+}
+
+/// One beam in ten ends in front of the wall: the robust fit stays near the bound of all beams,
+/// whatever stands there.
+#[test]
+fn a_tenth_of_outliers_costs_little_in_six_scenes() {
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let uniform = rand_distr::Uniform::new(0.0f64, 1.0).unwrap();
+    for (name, [from_m, to_m], allowed) in
+        [("gross", [0.05, 1.5], 1.15), ("small", [0.02, 0.05], 1.35)]
+    {
+        for (scene, (beams, d_m, alpha_deg)) in six_scenes().iter().enumerate() {
+            let alpha_rad = alpha_deg.to_radians();
+            let bound = crb(beams, *d_m, alpha_rad);
+            let mut squares = [0.0; 2];
+            let trials = 1000;
+            for _ in 0..trials {
+                let clean = noisy(beams, &mut rng);
+                let dirty: Beams = beams
+                    .iter()
+                    .zip(clean.all().range_m)
+                    .map(|((angle, _), range_m)| {
+                        let hit = uniform.sample(&mut rng) < 0.1;
+                        let front_m = from_m + (to_m - from_m) * uniform.sample(&mut rng);
+                        (*angle, range_m - if hit { front_m } else { 0.0 })
+                    })
+                    .collect();
+                let line = fit(dirty.all(), SIGMA_M, Loss::TUKEY).unwrap();
+                squares[0] += (line.normal.d_m - d_m).powi(2);
+                squares[1] += (line.normal.alpha_rad - alpha_rad).powi(2);
+            }
+            let ratio = [0, 1].map(|i| (squares[i] / f64::from(trials) / bound[(i, i)]).sqrt());
+            println!("{name} outliers, scene {scene}: {ratio:.2?} of the bound");
+            assert!(
+                ratio.iter().all(|r| *r <= allowed),
+                "{name} {scene} {ratio:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn scale_and_sigma_scale_together() {
     let (beams, ..) = scenes()[0].clone();

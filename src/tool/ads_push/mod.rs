@@ -6,6 +6,7 @@ mod poses;
 mod questions;
 mod run;
 mod session;
+mod spans;
 mod trajectory;
 
 use crate::link::waker;

@@ -3,6 +3,7 @@
 
 use super::mailbox::Mailbox;
 use super::session::{Found, Link, ReadPlan, Session, Setback, WritePlan, told};
+use super::spans::Spans;
 use super::trajectory::Trajectory;
 use crate::link::{Backoff, HostInstant, Waiter};
 use crate::record::{Pose, Stamp, Status};
@@ -20,6 +21,12 @@ const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
 /// For how long the first connection is tried, and how long a program that does not fit is borne.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// A connection that lasted for so long was a good one: losing it is no reason to hold back. Two
+/// programs that end each other's connections would do so as fast as they can.
+const STEADY: Duration = Duration::from_secs(5);
+/// A variable that is refused so soon after it was found and checked again is not refused because
+/// the program was changed.
+const IN_VAIN: Duration = Duration::from_secs(1);
 /// The longest wait between two looks at whether to stop.
 const NAP: Duration = Duration::from_millis(50);
 
@@ -40,12 +47,27 @@ pub(super) struct Wishes {
 struct Tally {
     /// Acknowledged.
     pushed: u64,
+    /// Came before the first connection, and a newer one came before it as well.
+    early: u64,
+    /// Was to be written once more, and a newer one came.
+    overtaken: u64,
     /// Came while there was no connection.
     missed: u64,
     /// Sent, and not acknowledged.
     failed: u64,
     /// Connections that were lost.
     lost: u64,
+}
+
+impl Tally {
+    /// A pose that waited to be written gave way to a newer one.
+    fn replace(&mut self, connected: bool) {
+        if connected {
+            self.overtaken += 1;
+        } else {
+            self.early += 1;
+        }
+    }
 }
 
 /// The loop's state.
@@ -62,6 +84,10 @@ pub(super) struct Run {
     attempt_due: Instant,
     /// Since when there is no connection that can be used.
     down_since: Option<Instant>,
+    /// When the last one was made.
+    connected_at: Instant,
+    /// When everything was last found again over the same connection.
+    renewed_at: Option<Instant>,
     /// Whether there ever was one.
     connected: bool,
     said: String,
@@ -96,6 +122,8 @@ impl Run {
             backoff: Backoff::new(FIRST_WAIT, LONGEST_WAIT),
             attempt_due: now,
             down_since: None,
+            connected_at: now,
+            renewed_at: None,
             connected: false,
             said: String::new(),
             bytes: Vec::new(),
@@ -155,7 +183,9 @@ impl Run {
                 {
                     self.fresh_at = Instant::now();
                     self.newest.clone_from(&pose);
-                    self.pending = Some(pose);
+                    if self.pending.replace(pose).is_some() {
+                        self.tally.replace(self.connected);
+                    }
                 }
                 if over_at.is_none()
                     && let Some(ended) = mailbox.ended()
@@ -208,7 +238,7 @@ impl Run {
                 }
                 self.said.clear();
                 self.connected = true;
-                self.backoff.reset();
+                self.connected_at = Instant::now();
                 self.session = Some(session);
                 Ok(())
             }
@@ -244,6 +274,9 @@ impl Run {
     fn leave(&mut self) {
         if let Some(session) = self.session.take() {
             self.tally.lost += 1;
+            if self.connected_at.elapsed() >= STEADY {
+                self.backoff.reset();
+            }
             if let Some((image, _)) = session.write {
                 self.image = Some(image);
             }
@@ -318,6 +351,14 @@ impl Run {
     fn see_to(&mut self, error: &ClientError) -> anyhow::Result<()> {
         if let Some(code) = error.code() {
             if code.is_stale_handle() || code == Code::SIZE {
+                let in_vain = |at: Instant| at.elapsed() < IN_VAIN;
+                if self.renewed_at.is_some_and(in_vain) {
+                    let text = format!(
+                        "{}: {code}, though the variables were found a moment ago and fit",
+                        self.wishes.link.target
+                    );
+                    return self.set_back(Setback::Away(text));
+                }
                 return self.renew(&format!("{code}"));
             }
             if code == Code::NO_PORT || code == Code::NO_MACHINE {
@@ -356,6 +397,7 @@ impl Run {
         } = &self.wishes;
         match session.renew(write.as_ref(), read.as_ref()) {
             Ok(()) => {
+                self.renewed_at = Some(Instant::now());
                 self.say(format!(
                     "{why}: the variables were found and checked again, and fit"
                 ));
@@ -436,9 +478,13 @@ impl Run {
                 if let Err(error) = session.client.wait(&self.waiter, limit) {
                     let text = told(&error, &self.wishes.link, Some(&session.client));
                     // A connection that was lost is always borne at first.
-                    self.attempt_due = Instant::now();
+                    let held = self.connected_at.elapsed() >= STEADY;
                     self.down_since.get_or_insert_with(Instant::now);
                     self.leave();
+                    self.attempt_due = Instant::now();
+                    if !held {
+                        self.attempt_due += self.backoff.wait();
+                    }
                     self.say(format!("{text}; connecting again"));
                     self.said = text;
                 }
@@ -478,6 +524,8 @@ impl Run {
     fn sum_up(&self) {
         let Tally {
             pushed,
+            early,
+            overtaken,
             missed,
             failed,
             lost,
@@ -489,7 +537,8 @@ impl Run {
                 .map_or(0, |mailbox| mailbox.passed_over());
             let mut parts = vec![format!("{pushed} poses written")];
             for (count, what) in [
-                (passed_over, "passed over for newer ones"),
+                (passed_over + overtaken, "passed over for newer ones"),
+                (early, "not written before the first connection"),
                 (missed, "not written while the controller was away"),
                 (failed, "sent and not acknowledged"),
                 (lost, "connections lost"),
@@ -524,43 +573,5 @@ impl Run {
         if !self.wishes.quiet {
             eprintln!("{TOOL}: {text}");
         }
-    }
-}
-
-/// The last few thousand round trips.
-#[derive(Clone, Debug, Default)]
-struct Spans {
-    ns: Vec<u64>,
-    next: usize,
-}
-
-impl Spans {
-    const MOST: usize = 4096;
-
-    fn add(&mut self, span: Duration) {
-        let ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
-        if self.ns.len() < Spans::MOST {
-            self.ns.push(ns);
-        } else if let Some(place) = self.ns.get_mut(self.next) {
-            *place = ns;
-            self.next = (self.next + 1) % Spans::MOST;
-        }
-    }
-}
-
-impl std::fmt::Display for Spans {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut ns = self.ns.clone();
-        ns.sort_unstable();
-        let at = |share: f64| {
-            let place = (ns.len() as f64 * share) as usize;
-            let ns = ns.get(place.min(ns.len().saturating_sub(1)));
-            ns.map_or(f64::NAN, |ns| *ns as f64 * 1e-3)
-        };
-        let (p50, p99, most) = (at(0.5), at(0.99), at(1.0));
-        write!(
-            f,
-            "median {p50:.0} us, 99 % {p99:.0} us, longest {most:.0} us"
-        )
     }
 }

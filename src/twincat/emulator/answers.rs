@@ -235,6 +235,9 @@ impl Plc {
             let handle = Bytes(data).u32().ok_or(Code::SIZE)?;
             return self.handles.remove(&handle).map(|_| ()).ok_or(self.stale);
         }
+        if let Some(code) = self.trouble.refuse {
+            return Err(code);
+        }
         let (found, start) = self.place(group, offset)?;
         let held = self.variables.get_mut(found).ok_or(self.stale)?;
         if held.symbol.is_read_only() {

@@ -45,6 +45,8 @@ pub struct Trouble {
     pub item: Option<(usize, Code)>,
     /// The next answer is this in place of what it should be.
     pub garbage: Option<Vec<u8>>,
+    /// Every write is refused so, whatever its handle.
+    pub refuse: Option<Code>,
     /// A newer connection of the same host ends the older one, as a TwinCAT router does.
     pub one_connection: bool,
     /// Index groups that are not known.
