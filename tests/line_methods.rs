@@ -170,7 +170,7 @@ fn exact_walls_give_exact_lines() {
         };
         for name in METHODS {
             let lines = extracted(
-                &[scan.clone()],
+                std::slice::from_ref(&scan),
                 &mut *extractor(name, options(0.0065, false)),
             );
             assert_eq!(lines.len(), 4, "{name} {degrees}: {lines:#?}");
