@@ -199,7 +199,8 @@ pub(super) struct SizeArgs {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Trajectory")]
 pub(super) struct CourseArgs {
-    /// grid, random (at rest); line, loop (moving); or a trajectory file (CSV or MCAP)
+    /// grid, random (at rest: extract-lines --deskew none); line, loop (moving); or a trajectory file
+    /// (CSV or MCAP)
     #[arg(long, value_name = "WHICH", default_value = "line")]
     trajectory: String,
     /// grid, random, --dilution: y from and to
