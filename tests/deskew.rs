@@ -128,6 +128,31 @@ fn every_scan_gives_one_record_in_order() {
 }
 
 #[test]
+fn a_gyro_tells_a_fast_roll() {
+    let dir = scratch("deskew-gyro");
+    // 1 deg at 5 Hz: seven scans a period are few to tell the rate from.
+    let run = LOOP.replace("--wobble-deg 1,0,0", "--wobble-deg 1,0,0 --wobble-hz 5");
+    sh(&dir, &format!("{run} --imu-rate-hz 200")).expect(0);
+    let errors = |deskew: &str| {
+        let run = statistics(&dir, deskew);
+        [("roll", "rms_deg"), ("z", "rms_mm")].map(|(c, name)| figure(&run, c, name))
+    };
+    let [own, gyro, hindsight] = ["", "--imu imu.csv", "--imu imu.csv --smooth"].map(errors);
+    for k in 0..2 {
+        assert!(gyro[k] < 0.75 * own[k], "{gyro:?} {own:?}");
+        assert!(hindsight[k] < 0.9 * gyro[k], "{hindsight:?} {gyro:?}");
+    }
+    assert!(hindsight[1] < 0.8, "{hindsight:?}");
+    let line = "extract-lines -f frame.toml --deskew none --imu imu.csv scans.csv";
+    let ended = sh(&dir, line).expect(2);
+    assert!(
+        ended.stderr.contains("--imu belongs to"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
 fn options_that_cannot_be_met_are_said() {
     let dir = scratch("deskew-usage");
     sh(&dir, "simulate -f frame.toml --n-scans 3 -o scans.csv").expect(0);

@@ -136,6 +136,8 @@ pub struct SelfMotion {
     begun: bool,
     /// Every belief so far where hindsight is wanted.
     history: Option<Vec<Past>>,
+    /// The in-plane rate of turn at the next scan and its standard deviation, rad/s, from a gyro.
+    turn: Option<(f64, f64)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -166,6 +168,7 @@ impl SelfMotion {
             belief: None,
             begun: false,
             history: None,
+            turn: None,
         }
     }
 
@@ -175,6 +178,12 @@ impl SelfMotion {
             history: Some(Vec::new()),
             ..SelfMotion::new(dy_m)
         }
+    }
+
+    /// Says how fast the scan plane turns at the next scan: rate and standard deviation, rad/s, such
+    /// as [`super::Gyro`] gives; none where nothing is known.
+    pub fn tell_turn(&mut self, turn: Option<(f64, f64)>) {
+        self.turn = turn;
     }
 
     /// Takes the next scan, whose lines are those of `stamp`, the reference instant. `fit` fits
@@ -199,6 +208,7 @@ impl SelfMotion {
         stamp: Stamp,
         fit: &mut impl FnMut(ScanMotion) -> Option<LineFit>,
     ) -> Option<Deskewed> {
+        let turn = self.turn.take();
         let span_s = self.belief.map(|belief| stamp.since_s(belief.stamp));
         let expected = self.belief.zip(span_s).and_then(|(belief, span_s)| {
             // A stamp that does not go on leaves what is known as it is.
@@ -208,6 +218,7 @@ impl SelfMotion {
                 ..belief.after(span_s.max(0.0))
             })
         });
+        let expected = expected.map(|belief| belief.told(turn));
         let assumed = expected.map_or(ScanMotion::REST, |belief| belief.motion());
         let first = fit(assumed)?;
         if !first.is_finite() {
@@ -229,6 +240,7 @@ impl SelfMotion {
         if jumped {
             start.rest();
         }
+        start = start.told(turn);
         // With the motion unknown, or at rest, the expectation from before does not count.
         let (first, assumed) = if assumed.is_rest() {
             (first, assumed)
@@ -390,6 +402,19 @@ impl Belief {
             state,
             covariance,
         }
+    }
+
+    /// With a gyro's rate of turn and its standard deviation taken in.
+    fn told(mut self, turn: Option<(f64, f64)>) -> Belief {
+        const TURN: usize = 5;
+        let Some((rate_rad_s, sigma_rad_s)) = turn else {
+            return self;
+        };
+        let along = self.covariance.column(TURN).into_owned();
+        let gain = along / (along[TURN] + sigma_rad_s * sigma_rad_s);
+        self.state += gain * (rate_rad_s - self.state[TURN]);
+        self.covariance -= gain * along.transpose();
+        self
     }
 
     /// Says that it rests.

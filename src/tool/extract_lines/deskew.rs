@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::lines::reflectors::{JointLines, ReflectorFit};
-use crate::motion::{self, Guide, KnownMotion, LineFit, Relation, SelfMotion};
-use crate::record::{ReflectorLines, Scan, ScanMotion, Stamp, TrajectoryPoint};
+use crate::motion::{self, Guide, Gyro, KnownMotion, LineFit, Relation, SelfMotion};
+use crate::record::{ImuSample, ReflectorLines, Scan, ScanMotion, Stamp, TrajectoryPoint};
 use crate::stream::{Fault, Input, Options, Role, SideInput};
 use crate::tool::common::parse_duration;
 use std::collections::VecDeque;
@@ -23,6 +23,12 @@ pub(super) struct DeskewArgs {
     /// How long a live --motion is waited for
     #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "motion")]
     motion_wait: Duration,
+    /// self: IMU samples, file or FIFO, CSV or MCAP, whose gyros tell the turn in the scan plane
+    #[arg(long, value_name = "FILE")]
+    imu: Option<PathBuf>,
+    /// How long a live --imu is waited for
+    #[arg(long, value_name = "TIME", default_value = "20ms", value_parser = parse_duration, requires = "imu")]
+    imu_wait: Duration,
     /// What is done with the motion
     #[arg(long, value_enum, value_name = "METHOD", default_value_t = Correction::Points)]
     deskew_method: Correction,
@@ -62,6 +68,7 @@ impl DeskewArgs {
         let options = [
             (self.deskew.is_some(), "--deskew"),
             (self.motion.is_some(), "--motion"),
+            (self.imu.is_some(), "--imu"),
             (self.deskew_method != Correction::Points, "--deskew-method"),
             (self.smooth, "--smooth"),
         ];
@@ -86,6 +93,9 @@ impl DeskewArgs {
             Source::None | Source::Own if self.motion.is_some() => {
                 usage("--motion belongs to --deskew motion")
             }
+            Source::None | Source::Motion if self.imu.is_some() => {
+                usage("--imu belongs to --deskew self")
+            }
             Source::None | Source::Motion if self.smooth => {
                 usage("--smooth belongs to --deskew self")
             }
@@ -94,6 +104,17 @@ impl DeskewArgs {
             }
             _ => Ok(source),
         }
+    }
+
+    fn gyro(&self, frame: &Frame, options: &Options) -> anyhow::Result<Option<Box<Turns>>> {
+        let Some(path) = &self.imu else {
+            return Ok(None);
+        };
+        Ok(Some(Box::new(Turns {
+            samples: SideInput::open(path, options)?,
+            wait: self.imu_wait,
+            gyro: Gyro::new(frame),
+        })))
     }
 
     /// Makes it ready; with --smooth, reads the scans a first time with `fit`.
@@ -105,11 +126,12 @@ impl DeskewArgs {
         options: &Options,
     ) -> anyhow::Result<Deskew> {
         let own = || SelfMotion::new(frame.bounds.dy_m);
+        let gyro = self.gyro(frame, options)?;
         let knowledge = match (self.source()?, &self.motion) {
             (Source::Own, _) if self.smooth => {
-                Knowledge::Hindsight(hindsight(frame, fit.clone(), input, options)?)
+                Knowledge::Hindsight(hindsight(frame, fit.clone(), gyro, input, options)?)
             }
-            (Source::Own, _) => Knowledge::Own(Box::new(own())),
+            (Source::Own, _) => Knowledge::Own(Box::new(own()), gyro),
             (Source::Motion, Some(path)) => Knowledge::Given {
                 points: Box::new(SideInput::open_trajectory(path, Role::Desired, options)?),
                 wait: self.motion_wait,
@@ -126,10 +148,26 @@ impl DeskewArgs {
     }
 }
 
+/// The turn in the scan plane, from an IMU's samples.
+struct Turns {
+    samples: SideInput<ImuSample>,
+    wait: Duration,
+    gyro: Gyro,
+}
+
+/// The rate of turn at an instant and its standard deviation, rad/s.
+fn turn_at(turns: &mut Option<Box<Turns>>, stamp: Stamp) -> anyhow::Result<Option<(f64, f64)>> {
+    let Some(turns) = turns else {
+        return Ok(None);
+    };
+    let around = turns.samples.around(stamp, turns.wait)?;
+    Ok(turns.gyro.turn(stamp, around))
+}
+
 /// What is known of the motion.
 enum Knowledge {
     Rest,
-    Own(Box<SelfMotion>),
+    Own(Box<SelfMotion>, Option<Box<Turns>>),
     /// One entry a scan.
     Hindsight(VecDeque<Option<KnownMotion>>),
     Given {
@@ -180,8 +218,9 @@ impl Deskew {
         let mut fitted = Fitted::default();
         let (joint, motion) = match &mut self.knowledge {
             Knowledge::Rest => (fit.fit(scan), ScanMotion::REST),
-            Knowledge::Own(own) => {
+            Knowledge::Own(own, turns) => {
                 let mut found = None;
+                own.tell_turn(turn_at(turns, lines.stamp)?);
                 let deskewed = own.take(on_own_clock(scan, lines), |motion| {
                     let joint = fit.fit_moving(scan, motion)?;
                     found = Some(joint);
@@ -291,6 +330,7 @@ fn line_fit(fit: &ReflectorFit, joint: &JointLines) -> LineFit {
 fn hindsight(
     frame: &Frame,
     mut fit: ReflectorFit,
+    mut turns: Option<Box<Turns>>,
     input: Option<&Path>,
     options: &Options,
 ) -> anyhow::Result<VecDeque<Option<KnownMotion>>> {
@@ -308,6 +348,7 @@ fn hindsight(
     let mut lines = ReflectorLines::default();
     while let Some(scan) = scans.next()? {
         lines.begin(scan);
+        own.tell_turn(turn_at(&mut turns, lines.stamp)?);
         own.take(on_own_clock(scan, &lines), |motion| {
             let joint = fit.fit_moving(scan, motion)?;
             Some(line_fit(&fit, &joint))
