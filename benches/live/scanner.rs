@@ -114,11 +114,13 @@ pub struct Recording(PathBuf);
 
 impl Recording {
     /// Scans of 761 beams, which an LMS511 makes 35 times a second, at 100 Hz: every 10 ms by their
-    /// ticks, which is what a replay goes by.
+    /// ticks, which is what a replay goes by. The platform creeps: at other ticks a fast one would move
+    /// otherwise between the scans than within them, and extract-lines would start anew all the time.
     pub fn at_100_hz(scans: u32) -> Result<Recording, Failure> {
         const PERIOD_US: u32 = 10_000;
         let made = simulate()
             .args(["-q", "--n-scans", &scans.to_string(), "--format", "cola"])
+            .args(["--speed-m-s", "0.05"])
             .output()
             .map_err(during("simulate"))?;
         let (mut framer, mut stream) = (Framer::new(), Vec::new());
