@@ -79,17 +79,13 @@ fn parts_in_mcap_bring_their_own_truth() {
     sh(&dir, run).expect(0);
     let whole = sh(&dir, "report --json all=run.mcap").expect(0);
     let whole = json(whole.text());
-    let stamp = |k: usize| {
-        let line = format!(
-            "simulate -f frame.toml --n-scans 30 | sed -n {}p | cut -d, -f1",
-            k + 2
-        );
-        sh(&dir, &line).expect(0).text().trim().to_owned()
-    };
-    let (last, first) = (stamp(11), stamp(12));
+    // A scan's stamp lies between those of two poses.
+    let line = "simulate -f frame.toml --n-scans 30 | sed -n 13p | cut -d, -f1";
+    let ended = sh(&dir, line).expect(0);
+    let between = ended.text().trim();
     let cut = format!(
-        "compensate-delay --delay 0ms --to {last} run.mcap > a.mcap; \
-         compensate-delay --delay 0ms --from {first} run.mcap > b.mcap"
+        "compensate-delay --delay 0ms --to {between} run.mcap > a.mcap; \
+         compensate-delay --delay 0ms --from {between} run.mcap > b.mcap"
     );
     sh(&dir, &cut).expect(0);
     let merged = sh(&dir, "report --json --merge all=b.mcap all=a.mcap").expect(0);
