@@ -1,6 +1,7 @@
 //! What a run of poses is worth: its error against a true or desired trajectory, per component,
 //! over time and over the workspace; whether its covariances are honest; what became of every scan.
-//! And what extracted lines are worth ([`lines`]).
+//! And what extracted lines are worth ([`lines`]), where a run stands ([`standing`]), what one scan
+//! looks like ([`scan`]) and what a frame allows ([`frame`]).
 //!
 //! The way through the room:
 //!
@@ -21,7 +22,9 @@ mod canvas;
 mod case;
 mod consistency;
 pub mod dilution;
+mod drafting;
 mod figure;
+pub mod frame;
 mod gate;
 mod inertial;
 pub mod json;
@@ -35,7 +38,9 @@ mod picture;
 mod pixels;
 mod pushes;
 mod scale;
+pub mod scan;
 mod scans;
+pub mod standing;
 mod statistics;
 pub mod terminal;
 mod trace;
@@ -48,8 +53,8 @@ pub use case::{AxisResult, Case, Report, Run, Settings, evaluate};
 pub use consistency::{Consistency, GROUPS, effective_number};
 pub use gate::{Gate, GateError, Verdict};
 pub use inertial::{Inertial, Recording};
-pub use picture::{Figure, PictureError};
 pub use merge::merge;
+pub use picture::{Figure, PictureError};
 pub use scans::{Scans, Tally};
 pub use statistics::{Statistics, percentile, wrap_angle};
 pub use trace::{Histogram, Trace, TraceColumn};

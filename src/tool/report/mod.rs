@@ -1,11 +1,14 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod frame;
 mod inputs;
 mod lines;
 mod outputs;
 mod pictures;
 mod poses;
+mod scan;
+mod standing;
 
 use crate::stream::Outcome;
 
@@ -39,6 +42,12 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Draws and checks a frame file, and predicts what scans in it can tell
+    Frame(frame::FrameArgs),
+    /// Draws scans: beams, reflectors, lines, edges, residuals
+    Scan(scan::ScanArgs),
+    /// Standstills of a run: the mean pose of each, its uncertainty, the way home
+    Static(standing::StandingArgs),
 }
 
 /// Runs the tool.
@@ -49,5 +58,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Frame(args)) => frame::run(&args),
+        Some(Subject::Scan(args)) => scan::run(&args),
+        Some(Subject::Static(args)) => standing::run(&args),
     }
 }
