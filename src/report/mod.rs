@@ -30,6 +30,7 @@ mod number;
 pub mod origin;
 pub mod page;
 mod pushes;
+pub mod robot;
 mod scale;
 mod scans;
 mod statistics;

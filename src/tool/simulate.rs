@@ -5,6 +5,7 @@ mod args;
 mod cola;
 mod dilution;
 mod office;
+mod robot;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;

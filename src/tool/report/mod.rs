@@ -5,6 +5,7 @@ mod inputs;
 mod lines;
 mod outputs;
 mod poses;
+mod robot;
 
 use crate::stream::Outcome;
 
@@ -38,6 +39,8 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Finds where a robot's pulleys are, from poses measured where it stood
+    Robot(robot::RobotArgs),
 }
 
 /// Runs the tool.
@@ -48,5 +51,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Robot(args)) => robot::run(&args),
     }
 }
