@@ -8,6 +8,8 @@ ELEVEN_EFFECTS ?= reference,motion
 BELIEF := ../testdata/robot.toml
 REAL := ../testdata/robot-real.toml
 
+EXPERIMENTS += table-5-1 table-5-2 fig-5-19 fig-5-20
+
 .PHONY: table-5-1 table-5-2 fig-5-19 fig-5-20
 table-5-1: $(ELEVEN)/tables.md
 	@sed -n '/^## Table 5.1/,/^## Table 5.2/p' $< | sed '$$d'
