@@ -46,10 +46,11 @@ pub use association::{Association, Limits, Match, Matching, Reference, Unmatched
 pub use axis::{AXES, Axis};
 pub use case::{AxisResult, Case, Report, Run, Settings, evaluate};
 pub use consistency::{Consistency, GROUPS, effective_number};
+pub use figure::MapStyle;
 pub use gate::{Gate, GateError, Verdict};
 pub use inertial::{Inertial, Recording};
-pub use picture::{Figure, PictureError};
 pub use merge::merge;
+pub use picture::{Figure, PictureError};
 pub use scans::{Scans, Tally};
 pub use statistics::{Statistics, percentile, wrap_angle};
 pub use trace::{Histogram, Trace, TraceColumn};

@@ -1,9 +1,10 @@
 //! `report`: poses against a true or desired trajectory.
 
+use super::pictures::{PictureArgs, parse_maps};
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
-    merge, origin, page, terminal,
+    Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, Settings, Zone,
+    evaluate, json, merge, origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::common::{CommonArgs, parse_duration};
@@ -18,6 +19,8 @@ EXAMPLES
       | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
   With a page:
     report --truth truth.csv --html report.html poses.csv
+  Its figures as files, the maps as contours:
+    report --truth truth.csv --svg figures --png figures --maps contours poses.csv
   Two methods side by side:
     report --truth truth.csv joint=poses.csv \\
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
@@ -87,6 +90,12 @@ pub struct PoseArgs {
     /// Write a page with figures
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Pictures.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
+    /// Maps of the workspace as cells, contours or both, in pictures and page
+    #[arg(long, value_name = "HOW", default_value = "cells", value_parser = parse_maps)]
+    pub maps: MapStyle,
     /// Title of the page
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
@@ -117,7 +126,10 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     outputs::refuse_one_place(args.html.as_deref(), table)?;
     let report = make(args, &options)?;
     if let Some(path) = &args.html {
-        outputs::write(path, &page::write(&report))?;
+        outputs::write(path, &page::write(&report, args.maps))?;
+    }
+    if args.pictures.wanted() {
+        args.pictures.write(&page::figures(&report, args.maps))?;
     }
     let text = if args.json {
         json::write(&report)?

@@ -1,0 +1,167 @@
+//! The report as one page: no script, nothing fetched, the same bytes for the same input.
+//!
+//! Its size does not depend on the run's length: figures are made from what a [`Case`] keeps. Every
+//! section makes its figures in a function of its own, so that they can leave the page as files too
+//! ([`figures`]).
+
+mod cards;
+mod courses;
+mod inputs;
+mod maps;
+mod tables;
+
+use super::case::{Case, Report};
+use super::figure::MapStyle;
+use super::inertial::outputs;
+use super::picture::{Figure, make_unique};
+use super::terminal::{matching_line, run_line};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+/// Cases that get figures of their own; further ones are in the tables.
+const DRAWN: usize = 4;
+/// Width of the page's figures, px: alone in a row, one of two, one of three.
+const WIDTHS: [u32; 3] = [1072, 524, 341];
+
+/// The whole page, its maps of the workspace drawn as `maps` says.
+pub fn write(report: &Report, maps: MapStyle) -> String {
+    let body = html! {
+        h1 { (report.title) }
+        (provenance_line(report))
+        @if let Some(case) = report.cases.last().filter(|_| whole_runs(report)) {
+            (cards::cards(report, case))
+        }
+        @if !report.cases.is_empty() { (sections(report, maps)) }
+        @if let Some(inertial) = &report.inertial { (outputs::section(inertial)) }
+        @if report.cases.len() > 1 {
+            h2 { "Before and after" }
+            p { "Each figure with its change from the first row: green where it is better, amber where it is worse." }
+            (tables::comparison(&report.cases))
+        }
+        @if !report.verdicts.is_empty() { (tables::gates(report)) }
+        (inputs::how(report))
+    };
+    document(&report.title, &body)
+}
+
+/// A page around `body` with the style of every page: nothing is fetched, no script runs.
+pub(super) fn document(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width,initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(include_str!("page.css"))) }
+            }
+            body { main { (body) } }
+        }
+    };
+    let mut text = page.into_string();
+    text.push('\n');
+    text
+}
+
+/// Every figure of the page, each with a name of its own; those of several runs begin with the run's.
+pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
+    let several = report.cases.len() > 1;
+    let drawn = drawn(&report.cases);
+    let mut all = Vec::new();
+    let shown = maps::Maps::of(&drawn, maps);
+    for (i, case) in drawn.iter().enumerate() {
+        let name = if several { case.name() } else { String::new() };
+        let mut figures = shown.figures(i);
+        figures.extend(courses::wide(case, several));
+        figures.extend(courses::small(case, several));
+        figures.extend(courses::distributions(case, several));
+        figures.extend(tables::consistency_figures(case));
+        all.extend(figures.into_iter().map(|f| f.of(&name)));
+    }
+    if let Some(inertial) = &report.inertial {
+        all.extend(outputs::figures(inertial));
+    }
+    make_unique(&mut all);
+    all
+}
+
+/// The cases that get figures.
+fn drawn(cases: &[Case]) -> Vec<&Case> {
+    cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect()
+}
+
+/// Whether the cases are runs, the last of which the cards are of; not parts of the workspace.
+fn whole_runs(report: &Report) -> bool {
+    report.cases.iter().all(|c| c.zone.is_none())
+}
+
+/// Figures in a row: `three` or `two` of them, or `one`.
+fn row(class: &str, figures: &[Figure]) -> Markup {
+    html! {
+        @if !figures.is_empty() {
+            div class=(class) { @for figure in figures { (figure.markup()) } }
+        }
+    }
+}
+
+fn sections(report: &Report, maps: MapStyle) -> Markup {
+    let cases = &report.cases;
+    let several = cases.len() > 1;
+    let drawn = drawn(cases);
+    let shown = maps::Maps::of(&drawn, maps);
+    let head = |case: &Case| html! { @if several { h3 { (case.name()) } } };
+    html! {
+        h2 { "Errors" }
+        @for case in cases { (head(case)) (tables::errors(case)) }
+        @if shown.any() {
+            h2 { "Over the workspace" }
+            p { (shown.says()) }
+            @for (i, case) in drawn.iter().enumerate() {
+                (head(case))
+                (row("three", &shown.figures(i)))
+            }
+        }
+        @if !drawn.is_empty() { h2 { "Over time" } }
+        @for case in &drawn {
+            (head(case))
+            (row("one", &courses::wide(case, several)))
+            (row("two", &courses::small(case, several)))
+        }
+        @if !drawn.is_empty() {
+            h2 { "Distribution" }
+            p { "Counts of errors by size; the line is the normal curve of the same bias and standard deviation." }
+        }
+        @for case in &drawn {
+            (head(case))
+            (row("three", &courses::distributions(case, several)))
+        }
+        h2 { "Covariances" }
+        p {
+            "Mean of the squared error over its variance, per degree of freedom (1 is honest, above is too \
+             confident), with the 95 % band for the effective number of independent poses; share of errors \
+             within 1, 2 and 3 σ."
+        }
+        @for case in cases {
+            (head(case))
+            @if drawn.contains(&case) { (row("two", &tables::consistency_figures(case))) }
+            (tables::consistency(case))
+        }
+        h2 { "Scans" }
+        @for case in cases { (head(case)) (tables::scans(case)) }
+    }
+}
+
+fn provenance_line(report: &Report) -> Markup {
+    html! {
+        @for (i, case) in report.cases.iter().enumerate() {
+            p {
+                @if report.cases.len() > 1 { (case.name()) ": " }
+                "measured against " (report.role) " (" (report.reference_source) ") · "
+                (run_line(case)) " · " (matching_line(report, case))
+                @if i + 1 == report.cases.len() {
+                    " · report " (env!("CARGO_PKG_VERSION"))
+                    @if let Some(date) = &report.date { ", " (date) }
+                }
+            }
+        }
+    }
+}
