@@ -26,7 +26,7 @@ pub fn page(title: &str, conditions: &str, cells: &Cells) -> String {
                         (conditions) ". y to the right, z up, m."
                     }
                     div class="three" {
-                        @for (k, axis) in CELL_AXES.iter().filter_map(|a| AXES.get(*a)).enumerate() {
+                        @for (k, axis) in CELL_AXES.iter().take(4).filter_map(|a| AXES.get(*a)).enumerate() {
                             @let value = |cell: &Cell| cell.rms(k) * axis.factor;
                             @let values: Vec<f64> =
                                 cells.cells.iter().filter(|c| c.n > 0).map(value).collect();
