@@ -4,6 +4,7 @@
 use super::super::axis::{AXES, Axis, POSITION};
 use super::super::case::{Case, Report};
 use super::super::number::{NONE, change, count, fixed};
+use super::evaluation::delay_parts;
 use maud::{Markup, html};
 
 /// Share of scans below which the card for solved scans is coloured, percent.
@@ -76,7 +77,7 @@ fn judged(report: &Report, case: &Case, statistic: &str) -> &'static str {
 
 /// "before: 43.66 mm (−92.6 %)", of the report's first run.
 fn before(report: &Report, case: &Case, index: usize) -> Option<String> {
-    let first = report.cases.first().filter(|c| *c != case)?;
+    let first = report.cases.first().filter(|c| !std::ptr::eq(*c, case))?;
     let (was, is) = (rms(first, index), rms(case, index));
     let axis = AXES.get(index).filter(|_| was.is_finite())?;
     Some(format!(
@@ -90,7 +91,17 @@ fn position(report: &Report, case: &Case) -> Card {
     let axis = &AXES[POSITION];
     let s = case.axes.get(POSITION).map(|a| a.statistics);
     let p95 = s.map_or(f64::NAN, |s| s.p95);
-    let below = before(report, case, POSITION);
+    let below = before(report, case, POSITION).or_else(|| {
+        let delay = case.delay.as_ref()?;
+        let mm = |m: f64| quantity(m, axis);
+        if delay.removed {
+            Some(format!("with the delay: {}", mm(delay.rms_before_m)))
+        } else if delay.rms_after_m < 0.9 * delay.rms_before_m {
+            Some(format!("without the delay: {}", mm(delay.rms_after_m)))
+        } else {
+            None
+        }
+    });
     Card {
         title: "position error, rms".to_owned(),
         value: quantity(rms(case, POSITION), axis),
@@ -100,7 +111,13 @@ fn position(report: &Report, case: &Case) -> Card {
 }
 
 fn yaw(report: &Report, case: &Case) -> Card {
-    component(report, case, 5)
+    let mut card = component(report, case, 5);
+    let imu = case.orientation.as_ref().and_then(|o| o.angles.get(2));
+    if let Some(angle) = imu.filter(|a| a.residual.n > 0) {
+        let rms = quantity(angle.residual.rms, &AXES[5]);
+        card.below = format!("against the IMU: {rms}");
+    }
+    card
 }
 
 fn component(report: &Report, case: &Case, index: usize) -> Card {
@@ -121,7 +138,26 @@ fn component(report: &Report, case: &Case, index: usize) -> Card {
 
 /// The delay where there is one to tell, else the error in x.
 fn late(report: &Report, case: &Case) -> Card {
-    component(report, case, 0)
+    let Some(delay) = &case.delay else {
+        return component(report, case, 0);
+    };
+    let sigma = if delay.sigma_s.is_finite() {
+        let (_, sigma) = delay_parts(delay);
+        format!("± {sigma} ms")
+    } else {
+        "as given".to_owned()
+    };
+    let removed = if delay.removed {
+        "taken out"
+    } else {
+        "in the errors"
+    };
+    Card {
+        title: "delay".to_owned(),
+        value: format!("{} ms", delay_parts(delay).0),
+        below: format!("{sigma}, {removed}"),
+        class: judged(report, case, "delay.delay_ms"),
+    }
 }
 
 fn nees(case: &Case) -> Card {

@@ -1,6 +1,6 @@
 //! Errors over time and by size.
 
-use super::super::axis::AXES;
+use super::super::axis::{AXES, Axis};
 use super::super::case::{AxisResult, Case};
 use super::super::figure::{self, Course};
 use super::super::number::count;
@@ -35,10 +35,30 @@ pub(super) fn small(case: &Case, several: bool) -> Vec<Figure> {
 fn course(case: &Case, index: usize, size: (u32, u32)) -> Option<Figure> {
     let result = result(case, index)?;
     let axis = AXES.get(index)?;
+    let title = format!("Error in {}", axis.name);
+    of(
+        result,
+        axis,
+        &format!("error-{}", axis.name),
+        &title,
+        size,
+        true,
+    )
+}
+
+/// The course of a result; `signed` for one about zero, not from it.
+pub(super) fn of(
+    result: &AxisResult,
+    axis: &Axis,
+    name: &str,
+    title: &str,
+    size: (u32, u32),
+    signed: bool,
+) -> Option<Figure> {
     let title = if result.consistency.n > 0 {
-        format!("Error in {}, with the solver’s ±3σ", axis.name)
+        format!("{title}, with the solver’s ±3σ")
     } else {
-        format!("Error in {}", axis.name)
+        title.to_owned()
     };
     let (limit, beyond) = figure::trace_limit(&result.trace, &result.statistics);
     let mut unit = format!("{}, time in s", axis.symbol);
@@ -49,11 +69,10 @@ fn course(case: &Case, index: usize, size: (u32, u32)) -> Option<Figure> {
     let course = Course {
         trace: &result.trace,
         factor: axis.factor,
-        range: [-top, top],
+        range: [if signed { -top } else { 0.0 }, top],
     };
     let drawing = figure::over_time(&course, size, &title);
-    let name = format!("error-{}", axis.name);
-    Some(Figure::new(&name, title, unit, drawing))
+    (result.statistics.n > 0).then(|| Figure::new(name, title, unit, drawing))
 }
 
 /// Histograms of the components; of three of them where several runs share the page.

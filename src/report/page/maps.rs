@@ -56,9 +56,17 @@ fn maps() -> Vec<Map> {
             decimals: 3,
             ..map("yaw-rms", "Yaw error, rms", "°", 2, |c| shown(c.rms(3), 3))
         },
-        map("x-rms", "x error, rms", "mm", 0, |c| shown(c.rms(0), 0)),
+        map("x-max", "x error, max", "mm", 5, |c| shown(c.max(0), 0)),
         map("y-rms", "y error, rms", "mm", 3, |c| shown(c.rms(1), 1)),
         map("z-rms", "z error, rms", "mm", 3, |c| shown(c.rms(2), 2)),
+        Map {
+            decimals: 0,
+            ..map("votes", "Votes", "mean", 6, Cell::votes)
+        },
+        Map {
+            decimals: 1,
+            ..map("edges", "Edges", "mean", 7, Cell::edges)
+        },
         Map {
             decimals: 0,
             ..map("count", "Poses", "count", 4, |c| f64::from(c.n))
@@ -161,7 +169,8 @@ impl Maps {
         let figure = |map: &Map| {
             let (range, largest) = self.range(cells, map);
             let values = self.values(cells, map);
-            if values.iter().all(|v| !v.is_finite()) {
+            // Nothing to tell: no votes, or none but zero edges.
+            if !values.iter().any(|v| v.is_finite() && *v != 0.0) {
                 return None;
             }
             let heat = Heat {

@@ -6,6 +6,7 @@
 
 mod cards;
 mod courses;
+mod evaluation;
 mod inputs;
 mod maps;
 mod tables;
@@ -75,6 +76,7 @@ pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
         figures.extend(courses::small(case, several));
         figures.extend(courses::distributions(case, several));
         figures.extend(tables::consistency_figures(case));
+        figures.extend(evaluation::figures(case));
         all.extend(figures.into_iter().map(|f| f.of(&name)));
     }
     if let Some(inertial) = &report.inertial {
@@ -87,6 +89,11 @@ pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
 /// The cases that get figures.
 fn drawn(cases: &[Case]) -> Vec<&Case> {
     cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect()
+}
+
+/// Whether `case` is one of `cases`; the same one, as numbers that are missing make all unequal.
+fn is_one_of(cases: &[&Case], case: &Case) -> bool {
+    cases.iter().any(|c| std::ptr::eq(*c, case))
 }
 
 /// Whether the cases are runs, the last of which the cards are of; not parts of the workspace.
@@ -134,6 +141,24 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
             (head(case))
             (row("three", &courses::distributions(case, several)))
         }
+        @if drawn.iter().any(|c| c.delay.is_some()) { h2 { "Delay" } }
+        @for case in drawn.iter().filter(|c| c.delay.is_some()) {
+            (head(case))
+            (evaluation::delay(case))
+        }
+        @if drawn.iter().any(|c| c.track.is_some()) {
+            h2 { "Along and across the way" }
+            p { "The position’s error along the reference’s velocity (positive: ahead of it) and its distance from the path." }
+        }
+        @for case in drawn.iter().filter(|c| c.track.is_some()) {
+            (head(case))
+            (evaluation::track(case))
+        }
+        @if drawn.iter().any(|c| c.orientation.is_some()) { h2 { "Orientation against the IMU" } }
+        @for case in drawn.iter().filter(|c| c.orientation.is_some()) {
+            (head(case))
+            (evaluation::orientation(case))
+        }
         h2 { "Covariances" }
         p {
             "Mean of the squared error over its variance, per degree of freedom (1 is honest, above is too \
@@ -142,11 +167,20 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         }
         @for case in cases {
             (head(case))
-            @if drawn.contains(&case) { (row("two", &tables::consistency_figures(case))) }
+            @if is_one_of(&drawn, case) { (row("two", &tables::consistency_figures(case))) }
             (tables::consistency(case))
         }
         h2 { "Scans" }
-        @for case in cases { (head(case)) (tables::scans(case)) }
+        @for case in cases {
+            (head(case))
+            (tables::scans(case))
+            @if is_one_of(&drawn, case) { (row("three", &evaluation::quality_figures(case))) }
+        }
+        @if drawn.iter().any(|c| c.stability.is_some()) { h2 { "Standing still" } }
+        @for case in drawn.iter().filter(|c| c.stability.is_some()) {
+            (head(case))
+            (evaluation::stability(case))
+        }
     }
 }
 
@@ -157,6 +191,10 @@ fn provenance_line(report: &Report) -> Markup {
                 @if report.cases.len() > 1 { (case.name()) ": " }
                 "measured against " (report.role) " (" (report.reference_source) ") · "
                 (run_line(case)) " · " (matching_line(report, case))
+                @if let Some(moved) = case.alignment.sentence() { " · " (moved) }
+                @if let Some(delay) = case.delay.as_ref().filter(|d| d.removed) {
+                    " · delay removed: " (evaluation::delay_text(delay))
+                }
                 @if i + 1 == report.cases.len() {
                     " · report " (env!("CARGO_PKG_VERSION"))
                     @if let Some(date) = &report.date { ", " (date) }

@@ -6,8 +6,9 @@ use super::super::consistency::Consistency;
 use super::super::figure::{self, Interval};
 use super::super::number::{NONE, change, count, fixed};
 use super::super::picture::Figure;
-use super::super::terminal::{ComparisonRow, comparison_rows};
+use super::super::terminal::{ComparisonRow, comparison_rows_of};
 use super::WIDTHS;
+use super::evaluation::more_errors;
 use maud::{Markup, PreEscaped, html};
 
 /// Status rows shown; the rest is summed up.
@@ -31,6 +32,16 @@ pub(super) fn errors(case: &Case) -> Markup {
                             td { (fixed(value, axis.decimals)) }
                         }
                         td { (PreEscaped(figure::sparkline(&result.trace.means(50)).svg())) }
+                    }
+                }
+                @for (name, s, decimals) in more_errors(case) {
+                    tr {
+                        td { (name) }
+                        td { (count(s.n)) }
+                        @for value in [s.bias, s.std, s.rms, s.median, s.mad, s.p95, s.p99, s.max] {
+                            td { (fixed(value, decimals)) }
+                        }
+                        td {}
                     }
                 }
             }
@@ -182,7 +193,7 @@ pub(super) fn scans(case: &Case) -> Markup {
 pub(super) fn comparison(cases: &[Case]) -> Markup {
     // What a run is judged by; the rest is in the tables above.
     let left_out = ["max", "roll", "pitch"];
-    let rows: Vec<ComparisonRow> = comparison_rows()
+    let rows: Vec<ComparisonRow> = comparison_rows_of(cases)
         .into_iter()
         .filter(|row| !left_out.iter().any(|word| row.title.contains(word)))
         .collect();
