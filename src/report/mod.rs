@@ -12,7 +12,8 @@
 //!   only what the outputs show and has the same size whatever the run's length;
 //! - [`Gate`] compares a case's statistics with limits (`--fail-if`);
 //! - [`Recording`] sums a record of an IMU at rest up to an [`Inertial`]: its Allan deviations;
-//! - [`terminal`], [`json`] and [`page`] show a [`Report`].
+//! - [`terminal`], [`json`] and [`page`] show a [`Report`]; each [`Figure`] of the page can be had as
+//!   a file of its own, SVG or PNG.
 //!
 //! An error is measured minus reference. Inside, errors are in metres and radians; only the three
 //! outputs speak of millimetres and degrees ([`Axis`]).
@@ -34,11 +35,14 @@ pub mod json;
 mod lag;
 pub mod lines;
 mod measured;
+mod merge;
 mod notes;
 mod number;
 mod orientation;
 pub mod origin;
 pub mod page;
+mod picture;
+mod pixels;
 mod pushes;
 mod quality;
 mod relative;
@@ -62,7 +66,9 @@ pub use gate::{Gate, GateError, Verdict};
 pub use inertial::allan::Point as AllanPoint;
 pub use inertial::{Inertial, Recording};
 pub use lag::{Delay, DelayChoice};
+pub use merge::merge;
 pub use orientation::{AngleResult, Attitudes, Orientation, RateResult};
+pub use picture::{Figure, PictureError};
 pub use quality::{FACES, FaceTally, LineTally, Quality};
 pub use relative::{Delta, DeltaError, Pairs, Relative, Span};
 pub use scans::{Scans, Tally};

@@ -5,6 +5,7 @@ mod evaluation;
 mod inputs;
 mod lines;
 mod outputs;
+mod pictures;
 mod poses;
 
 use crate::stream::Outcome;
