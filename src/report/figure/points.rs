@@ -18,8 +18,10 @@ pub(in crate::report) struct Interval {
     pub band: [f64; 2],
 }
 
-/// Room at the sides, and for the names below.
+/// Radius of a point, units.
 const RADIUS: i32 = 35;
+/// A value below this is of a component that was given, not measured; it stands at the lower end.
+const MODEST: f64 = 0.03;
 
 /// Values about 1 on a scale by ratio, each with its band; those outside are in the second colour.
 pub(in crate::report) fn intervals(
@@ -31,10 +33,10 @@ pub(in crate::report) fn intervals(
         let all = values
             .iter()
             .flat_map(|v| [v.value, v.band[0], v.band[1]])
-            .filter(|v| *v > 0.0 && v.is_finite());
+            .filter(|v| *v > MODEST && v.is_finite());
         let reach = all.map(|v| v.log10().abs()).fold(0.0, f64::max);
         // From 0.5 to 2 at least.
-        let reach = (1.1 * reach).clamp(0.302, 6.0);
+        let reach = (1.1 * reach).clamp(0.302, 4.0);
         let end = values.len().max(1) as f64;
         let plot = plot(sheet, PLOT_MARGINS, [0.0, end], [-reach, reach]);
         for tick in [

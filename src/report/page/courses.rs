@@ -85,6 +85,10 @@ pub(super) fn distributions(case: &Case, several: bool) -> Vec<Figure> {
     let one = |index: &usize| {
         let result = result(case, *index)?;
         let axis = AXES.get(*index)?;
+        // A component that was given has errors of rounding.
+        if quantity(result.statistics.max, axis) == quantity(0.0, axis) {
+            return None;
+        }
         let beyond = result.histogram.beyond;
         let unit = if beyond > 0 {
             format!("{}; {} beyond", axis.symbol, count(beyond as usize))

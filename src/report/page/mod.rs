@@ -203,3 +203,79 @@ fn provenance_line(report: &Report) -> Markup {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::case::tests::{run, truth};
+    use super::super::{Settings, evaluate};
+    use super::*;
+
+    fn report(runs: &[(&str, f64)], n: i64) -> Report {
+        let reference = truth(n);
+        let read = runs.iter().map(|(name, s)| run(name, &reference, n, *s));
+        let cases = evaluate(read.collect(), &reference, &Settings::default());
+        Report {
+            title: "a < b".to_owned(),
+            role: "truth",
+            reference_source: "truth.csv".to_owned(),
+            reference,
+            cases,
+            inertial: None,
+            verdicts: Vec::new(),
+            command: "report".to_owned(),
+            date: None,
+        }
+    }
+
+    /// A case holds no more than columns of pixels, bins and cells: with several poses in each of
+    /// them, a page does not grow any more.
+    #[test]
+    fn a_page_is_small_however_long_the_run() {
+        let runs = [("first", 4.0), ("second", 2.0), ("third", 1.0)];
+        for runs in [&runs[..], &runs[..1]] {
+            let page = write(&report(runs, 10_000), MapStyle::Cells);
+            assert!(page.len() <= 250_000, "{} bytes", page.len());
+            let longer = write(&report(runs, 40_000), MapStyle::Cells);
+            assert!(longer.len() <= 250_000, "{} bytes", longer.len());
+            assert!(longer.len() as f64 <= 1.2 * page.len() as f64);
+            assert_eq!(page, write(&report(runs, 10_000), MapStyle::Cells));
+            assert!(!page.contains("NaN") && page.contains("a &lt; b"));
+        }
+    }
+
+    #[test]
+    fn every_figure_has_a_name_and_is_on_the_page() {
+        for maps in [MapStyle::Cells, MapStyle::Contours, MapStyle::Both] {
+            let report = report(&[("a", 1.0), ("b", 2.0)], 3000);
+            let page = write(&report, maps);
+            let figures = figures(&report, maps);
+            assert_eq!(figures.len(), page.matches("<figure>").count());
+            let mut names: Vec<&str> = figures.iter().map(|f| f.name.as_str()).collect();
+            assert!(
+                names
+                    .iter()
+                    .all(|n| n.starts_with("a-") || n.starts_with("b-"))
+            );
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), figures.len());
+            for figure in &figures {
+                assert!(page.contains(&figure.drawing.svg()), "{}", figure.name);
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_a_page_too() {
+        let mut report = report(&[("a", 1.0)], 200);
+        let nothing = evaluate(
+            vec![Default::default()],
+            &super::super::Reference::default(),
+            &Settings::default(),
+        );
+        report.cases = nothing;
+        let page = write(&report, MapStyle::Cells);
+        assert!(page.contains("there are no poses"));
+        assert!(figures(&report, MapStyle::Cells).is_empty());
+    }
+}

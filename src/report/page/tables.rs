@@ -56,7 +56,7 @@ const GROUP_NAMES: [&str; 3] = ["x and yaw", "position", "whole pose"];
 /// covariances.
 pub(super) fn consistency_figures(case: &Case) -> Vec<Figure> {
     let singles = || AXES.iter().zip(&case.axes).take(6);
-    let groups = GROUP_NAMES.into_iter().zip(&case.groups);
+    let groups = ["x+yaw", "position", "pose"].into_iter().zip(&case.groups);
     let values = singles()
         .map(|(axis, a)| (axis.name, &a.consistency))
         .chain(groups);
