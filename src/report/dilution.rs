@@ -25,7 +25,11 @@ pub fn page(title: &str, conditions: &str, cells: &Cells) -> String {
 
 /// The map of each component.
 fn figures(cells: &Cells) -> Vec<Figure> {
-    let axes = CELL_AXES.iter().filter_map(|a| AXES.get(*a)).enumerate();
+    let axes = CELL_AXES
+        .iter()
+        .take(4)
+        .filter_map(|a| AXES.get(*a))
+        .enumerate();
     let figure = |(k, axis): (usize, &Axis)| {
         let value = |cell: &Cell| cell.rms(k) * axis.factor;
         let filled = || cells.cells.iter().enumerate().filter(|(_, c)| c.n > 0);
