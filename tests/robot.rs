@@ -23,15 +23,24 @@ fn a_wrong_height_is_found_from_scans_and_corrected() {
     .expect(0);
     let found: serde_json::Value = serde_json::from_str(json.text()).unwrap();
     let shift = &found["shifts"]["upper.z"];
-    let (mm, sigma) = (shift["shift_mm"].as_f64().unwrap(), shift["sigma_mm"].as_f64().unwrap());
-    assert!((mm - 60.2).abs() < 4.0 * sigma && sigma < 15.0, "{mm} +- {sigma}");
+    let (mm, sigma) = (
+        shift["shift_mm"].as_f64().unwrap(),
+        shift["sigma_mm"].as_f64().unwrap(),
+    );
+    assert!(
+        (mm - 60.2).abs() < 4.0 * sigma && sigma < 15.0,
+        "{mm} +- {sigma}"
+    );
     assert!(found["places"].as_array().unwrap().len() >= 4);
     // By the corrected file, the same poses show nothing more to find: it is what holds the platform,
     // though not what the controller wound by.
     let belief = std::fs::read_to_string(dir.join("robot.toml")).unwrap();
     let corrected = std::fs::read_to_string(dir.join("corrected.toml")).unwrap();
     assert_eq!(belief.lines().count(), corrected.lines().count());
-    let changed = belief.lines().zip(corrected.lines()).filter(|(a, b)| a != b);
+    let changed = belief
+        .lines()
+        .zip(corrected.lines())
+        .filter(|(a, b)| a != b);
     assert_eq!(changed.count(), 4);
 
     let again = RUN.replace("--robot robot.toml", "--robot corrected.toml");
@@ -43,21 +52,34 @@ fn a_wrong_height_is_found_from_scans_and_corrected() {
     .expect(0);
     let after: serde_json::Value = serde_json::from_str(json.text()).unwrap();
     let rms = |report: &serde_json::Value| report["rms"]["error"]["z_mm"].as_f64().unwrap();
-    assert!(rms(&after) < 0.3 * rms(&found), "{} {}", rms(&found), rms(&after));
+    assert!(
+        rms(&after) < 0.3 * rms(&found),
+        "{} {}",
+        rms(&found),
+        rms(&after)
+    );
 
     let table = sh(
         &dir,
         "report robot --robot robot.toml --desired desired.csv --ascii poses.csv",
     )
     .expect(0);
-    assert!(table.text().is_ascii() && table.text().contains("upper.z"), "{}", table.text());
+    assert!(
+        table.text().is_ascii() && table.text().contains("upper.z"),
+        "{}",
+        table.text()
+    );
 }
 
 #[test]
 fn the_same_robot_gives_the_same_bytes() {
     let dir = scratch("robot-bytes");
     for name in ["a", "b"] {
-        sh(&dir, &format!("{RUN} --n-scans 20 > {name}.csv; mv truth.csv {name}.truth.csv")).expect(0);
+        sh(
+            &dir,
+            &format!("{RUN} --n-scans 20 > {name}.csv; mv truth.csv {name}.truth.csv"),
+        )
+        .expect(0);
     }
     let read = |name: &str| std::fs::read(dir.join(name)).unwrap();
     assert!(read("a.csv") == read("b.csv"));
@@ -68,12 +90,32 @@ fn the_same_robot_gives_the_same_bytes() {
 fn what_makes_no_sense_is_refused() {
     let dir = scratch("robot-refused");
     let text = std::fs::read_to_string(dir.join("robot.toml")).unwrap();
-    std::fs::write(dir.join("bad.toml"), text.replacen("radius_m = 0.06", "radius_m = -1", 1)).unwrap();
+    std::fs::write(
+        dir.join("bad.toml"),
+        text.replacen("radius_m = 0.06", "radius_m = -1", 1),
+    )
+    .unwrap();
     let cases = [
-        ("simulate -f frame.toml --trajectory grid --robot robot.toml", 2, "--trajectory"),
-        ("simulate -f frame.toml --trajectory loop --robot bad.toml", 78, "pulley_radius_m"),
-        ("simulate -f frame.toml --trajectory loop --robot none.toml", 66, "none.toml"),
-        ("simulate -f frame.toml --trajectory loop --robot-real real.toml", 2, "--robot"),
+        (
+            "simulate -f frame.toml --trajectory grid --robot robot.toml",
+            2,
+            "--trajectory",
+        ),
+        (
+            "simulate -f frame.toml --trajectory loop --robot bad.toml",
+            78,
+            "pulley_radius_m",
+        ),
+        (
+            "simulate -f frame.toml --trajectory loop --robot none.toml",
+            66,
+            "none.toml",
+        ),
+        (
+            "simulate -f frame.toml --trajectory loop --robot-real real.toml",
+            2,
+            "--robot",
+        ),
         (
             "simulate -f frame.toml --trajectory loop --to-pose 0.33,4.5,5.6 --robot robot.toml",
             78,
