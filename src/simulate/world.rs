@@ -73,6 +73,9 @@ struct Edge {
 struct Patch {
     corners: [Vector3<f64>; 4],
     edges: [Edge; 4],
+    /// Lowest and highest corner along each axis.
+    low: Vector3<f64>,
+    high: Vector3<f64>,
 }
 
 impl Patch {
@@ -89,10 +92,23 @@ impl Patch {
                 inward,
             }
         };
+        let [first, others @ ..] = corners;
         Patch {
             corners,
             edges: [edge(0), edge(1), edge(2), edge(3)],
+            low: others.iter().fold(first, |low, c| low.inf(c)),
+            high: others.iter().fold(first, |high, c| high.sup(c)),
         }
+    }
+
+    /// Whether a point of the patch's wall is within `reach_m` of the rectangle about the patch;
+    /// `along` is the wall's axis beside x. Most patches are far from any one beam, and this says so
+    /// at little cost.
+    fn is_near(&self, point: &Vector3<f64>, along: usize, reach_m: f64) -> bool {
+        let beside = |axis: usize| {
+            point[axis] < self.low[axis] - reach_m || point[axis] > self.high[axis] + reach_m
+        };
+        !beside(along) && !beside(0)
     }
 
     /// Share of a spot of `radius_m` on the patch; `point` is where the beam's axis meets the
@@ -148,11 +164,14 @@ impl Patch {
     }
 }
 
-/// A face of the box with its reflectors: the plane `normal . x = distance_m`, normal outwards.
+/// A face of the box with its reflectors: the plane `sign x[axis] = distance_m`, which the beams
+/// meet from below.
 #[derive(Clone, Debug)]
 struct Wall {
     face: Face,
-    normal: Vector3<f64>,
+    /// The axis that is normal to it, y or z; the other of the two runs along it.
+    axis: usize,
+    sign: f64,
     distance_m: f64,
     patches: Vec<Patch>,
 }
@@ -203,9 +222,9 @@ impl World {
         let b = &frame.bounds;
         let (hx, hy) = (b.dx_m / 2.0, b.dy_m / 2.0);
         let mut walls = vec![
-            wall(Face::Right, Vector3::y(), hy),
-            wall(Face::Upper, Vector3::z(), b.dz_m),
-            wall(Face::Left, -Vector3::y(), hy),
+            wall(Face::Right, Y, 1.0, hy),
+            wall(Face::Upper, Z, 1.0, b.dz_m),
+            wall(Face::Left, Y, -1.0, hy),
         ];
         for wall in &mut walls {
             for plate in frame.plates.iter().filter(|p| p.face == wall.face) {
@@ -224,21 +243,27 @@ impl World {
         World { walls, background }
     }
 
-    /// What a beam (unit vector) from `origin` meets.
-    pub fn look(&self, origin: Vector3<f64>, beam: Vector3<f64>, spot: &Spot) -> Sight {
+    /// The reflector that a beam (unit vector) from `origin` meets.
+    pub fn reflector(&self, origin: Vector3<f64>, beam: Vector3<f64>, spot: &Spot) -> Option<Hit> {
         let mut reflector: Option<Hit> = None;
         for wall in &self.walls {
-            let slant = wall.normal.dot(&beam);
+            let slant = wall.sign * beam[wall.axis];
             if slant <= 0.0 {
                 continue;
             }
-            let range_m = (wall.distance_m - wall.normal.dot(&origin)) / slant;
+            let range_m = (wall.distance_m - wall.sign * origin[wall.axis]) / slant;
             if range_m <= 0.0 || !range_m.is_finite() {
                 continue;
             }
             let point = origin + beam * range_m;
             let radius_m = spot.radius_m(range_m);
+            // The spot on the wall is an ellipse that is longest along the beam; a little more
+            // keeps rounding out of it.
+            let reach_m = radius_m / slant * (1.0 + 1e-9) + 1e-9;
             for patch in &wall.patches {
+                if !patch.is_near(&point, Y + Z - wall.axis, reach_m) {
+                    continue;
+                }
                 let share = patch.share(point, beam, slant, radius_m);
                 if share > reflector.map_or(0.0, |hit| hit.share) {
                     let surface = Surface {
@@ -253,20 +278,26 @@ impl World {
                 }
             }
         }
-        Sight {
-            reflector,
-            background: self
-                .background
-                .as_ref()
-                .and_then(|background| background.meet(origin, beam)),
-        }
+        reflector
+    }
+
+    /// The surface behind the frame that a beam (unit vector) from `origin` meets.
+    pub fn background(&self, origin: Vector3<f64>, beam: Vector3<f64>) -> Option<Surface> {
+        self.background
+            .as_ref()
+            .and_then(|background| background.meet(origin, beam))
     }
 }
 
-fn wall(face: Face, normal: Vector3<f64>, distance_m: f64) -> Wall {
+/// Axes of B.
+const Y: usize = 1;
+const Z: usize = 2;
+
+fn wall(face: Face, axis: usize, sign: f64, distance_m: f64) -> Wall {
     Wall {
         face,
-        normal,
+        axis,
+        sign,
         distance_m,
         patches: Vec::new(),
     }
@@ -392,7 +423,7 @@ mod tests {
             for k in 0..3800 {
                 let angle = (-5.0 + 0.05 * f64::from(k)).to_radians();
                 let beam = turn * Vector3::new(0.0, angle.cos(), angle.sin());
-                let Some(hit) = world.look(origin, beam, &disc()).reflector else {
+                let Some(hit) = world.reflector(origin, beam, &disc()) else {
                     continue;
                 };
                 if hit.share < 1.0 && hit.share > 0.0 {
@@ -422,7 +453,7 @@ mod tests {
         ] {
             let aim = Vector3::new(0.25 + dx, 5.225, 5.2 + dz);
             let beam = (aim - origin).normalize();
-            let hit = world.look(origin, beam, &disc()).reflector.unwrap();
+            let hit = world.reflector(origin, beam, &disc()).unwrap();
             let expected = counted(&frame, origin, beam, &hit);
             assert!((hit.share - expected).abs() < 0.02, "{hit:?} {expected}");
         }
@@ -432,27 +463,29 @@ mod tests {
     fn a_level_beam_meets_plate_and_background() {
         let world = World::new(&frame(), &[]);
         let origin = Vector3::new(0.0, 1.0, 2.0);
-        let sight = world.look(origin, Vector3::y(), &Spot::Pencil);
-        let hit = sight.reflector.unwrap();
+        let hit = world
+            .reflector(origin, Vector3::y(), &Spot::Pencil)
+            .unwrap();
         assert_eq!((hit.face, hit.share), (Face::Right, 1.0));
         assert!((hit.surface.range_m - 4.225).abs() < 1e-12);
-        assert!((sight.background.unwrap().range_m - 4.925).abs() < 1e-12);
+        let behind = world.background(origin, Vector3::y()).unwrap();
+        assert!((behind.range_m - 4.925).abs() < 1e-12);
         // Straight up at y = 0 there is a gap between the strips; a strip taken away is one too.
-        let up = world.look(Vector3::new(0.0, 0.0, 2.0), Vector3::z(), &Spot::Pencil);
-        assert!(up.reflector.is_none());
-        assert!((up.background.unwrap().range_m - 4.2).abs() < 1e-12);
+        let middle = Vector3::new(0.0, 0.0, 2.0);
+        let up = world.reflector(middle, Vector3::z(), &Spot::Pencil);
+        assert!(up.is_none());
+        let behind = world.background(middle, Vector3::z()).unwrap();
+        assert!((behind.range_m - 4.2).abs() < 1e-12);
         let under_second = Vector3::new(0.0, 1.3, 2.0);
         assert!(
             world
-                .look(under_second, Vector3::z(), &disc())
-                .reflector
+                .reflector(under_second, Vector3::z(), &disc())
                 .is_some()
         );
         let without = World::new(&frame(), &[1]);
         assert!(
             without
-                .look(under_second, Vector3::z(), &disc())
-                .reflector
+                .reflector(under_second, Vector3::z(), &disc())
                 .is_none()
         );
     }
@@ -461,8 +494,8 @@ mod tests {
     fn nothing_behind_a_frame_without_background() {
         let mut frame = frame();
         frame.bounds.background_gap_m = None;
-        let sight =
-            World::new(&frame, &[]).look(Vector3::new(0.0, 0.0, 2.0), Vector3::z(), &Spot::Pencil);
-        assert!(sight.reflector.is_none() && sight.background.is_none());
+        let (world, origin) = (World::new(&frame, &[]), Vector3::new(0.0, 0.0, 2.0));
+        let hit = world.reflector(origin, Vector3::z(), &Spot::Pencil);
+        assert!(hit.is_none() && world.background(origin, Vector3::z()).is_none());
     }
 }
