@@ -180,7 +180,11 @@ impl ScanPhysics<'_> {
     ) -> usize {
         let physics = self.physics;
         let sight = self.sight(origin_m, direction);
-        let shadow = self.obstacles.look(angle_rad, &physics.spot);
+        let shadow = if self.obstacles.is_empty() {
+            None
+        } else {
+            self.obstacles.look(angle_rad, &physics.spot)
+        };
         // Of a stream that is on every beam takes the same number of draws, so that effects stay
         // independent.
         let mixed = self.mixed.as_mut();

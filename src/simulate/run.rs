@@ -315,14 +315,15 @@ impl Stage {
         let frozen = course.truth(number, t_s + scanner.reference_s());
         let mut placement = Placement::new(&frozen, scanner.origin_m());
         let moving = effects.has(Effect::Motion) && !course.is_resting();
+        let (increment_s, step_rad) = (scanner.time_increment_s(), scanner.mode.step_rad());
         let mut echoes = [NO_ECHO; MAX_ECHOES];
         for (index, direction) in scanner.beams().iter().enumerate() {
             if moving {
-                let beam_s = t_s + index as f64 * scanner.time_increment_s();
+                let beam_s = t_s + index as f64 * increment_s;
                 placement.go_to(&course.truth(number, beam_s), scanner.origin_m());
             }
             let count = physics.measure(
-                scanner.angle_rad(index) + firing.offset_rad,
+                aperture_rad[0] + index as f64 * step_rad + firing.offset_rad,
                 placement.origin_m,
                 placement.rotation * direction,
                 &mut echoes,

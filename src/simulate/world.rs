@@ -21,6 +21,7 @@ pub enum Spot {
 
 impl Spot {
     /// Radius at a range, m.
+    #[inline]
     pub fn radius_m(&self, range_m: f64) -> f64 {
         match self {
             Spot::Pencil => 0.0,
@@ -73,13 +74,18 @@ struct Edge {
 struct Patch {
     corners: [Vector3<f64>; 4],
     edges: [Edge; 4],
-    /// Lowest and highest corner along each axis.
-    low: Vector3<f64>,
-    high: Vector3<f64>,
+    /// Smallest and largest x of the corners, and the same along the wall.
+    x_m: [f64; 2],
+    along_m: [f64; 2],
 }
 
 impl Patch {
-    fn new(corners: [Vector3<f64>; 4]) -> Patch {
+    fn new(face: Face, corners: [Vector3<f64>; 4]) -> Patch {
+        let span = |place: fn(&Vector3<f64>) -> f64| {
+            let places = corners.iter().map(place);
+            let low = places.clone().fold(f64::INFINITY, f64::min);
+            [low, places.fold(f64::NEG_INFINITY, f64::max)]
+        };
         let centre = corners.iter().sum::<Vector3<f64>>() / 4.0;
         let edge = |k: usize| {
             let (point, end) = (corners[k], corners[(k + 1) % 4]);
@@ -92,23 +98,24 @@ impl Patch {
                 inward,
             }
         };
-        let [first, others @ ..] = corners;
         Patch {
             corners,
             edges: [edge(0), edge(1), edge(2), edge(3)],
-            low: others.iter().fold(first, |low, c| low.inf(c)),
-            high: others.iter().fold(first, |high, c| high.sup(c)),
+            x_m: span(|corner| corner.x),
+            along_m: match face {
+                Face::Upper => span(|corner| corner.y),
+                Face::Right | Face::Left => span(|corner| corner.z),
+            },
         }
     }
 
-    /// Whether a point of the patch's wall is within `reach_m` of the rectangle about the patch;
-    /// `along` is the wall's axis beside x. Most patches are far from any one beam, and this says so
-    /// at little cost.
-    fn is_near(&self, point: &Vector3<f64>, along: usize, reach_m: f64) -> bool {
-        let beside = |axis: usize| {
-            point[axis] < self.low[axis] - reach_m || point[axis] > self.high[axis] + reach_m
-        };
-        !beside(along) && !beside(0)
+    /// Whether a point of the patch's wall, given by x and the place along the wall, is within
+    /// `reach_m` of the rectangle about the patch. Most patches are far from any one beam, and this
+    /// says so at little cost.
+    #[inline]
+    fn is_near(&self, x_m: f64, along_m: f64, reach_m: f64) -> bool {
+        let within = |at: f64, [low, high]: [f64; 2]| at >= low - reach_m && at <= high + reach_m;
+        within(along_m, self.along_m) && within(x_m, self.x_m)
     }
 
     /// Share of a spot of `radius_m` on the patch; `point` is where the beam's axis meets the
@@ -164,16 +171,25 @@ impl Patch {
     }
 }
 
-/// A face of the box with its reflectors: the plane `sign x[axis] = distance_m`, which the beams
-/// meet from below.
+/// A face of the box with its reflectors.
 #[derive(Clone, Debug)]
 struct Wall {
     face: Face,
-    /// The axis that is normal to it, y or z; the other of the two runs along it.
-    axis: usize,
-    sign: f64,
+    /// From the middle of the box (for the ceiling from the floor), m.
     distance_m: f64,
     patches: Vec<Patch>,
+}
+
+impl Wall {
+    /// Component of a vector along the wall's outward normal.
+    #[inline]
+    fn outward(&self, v: &Vector3<f64>) -> f64 {
+        match self.face {
+            Face::Upper => v.z,
+            Face::Right => v.y,
+            Face::Left => -v.y,
+        }
+    }
 }
 
 /// The frame and its surroundings.
@@ -192,24 +208,25 @@ struct Background {
 
 impl Background {
     /// Where a ray from inside leaves the box.
-    fn meet(&self, origin: Vector3<f64>, beam: Vector3<f64>) -> Option<Surface> {
+    fn meet(&self, origin: &Vector3<f64>, beam: &Vector3<f64>) -> Option<Surface> {
         let mut nearest: Option<Surface> = None;
-        for axis in 0..3 {
-            let slant = beam[axis];
-            if slant == 0.0 {
-                continue;
-            }
-            let plane = if slant > 0.0 {
-                self.high[axis]
-            } else {
-                self.low[axis]
-            };
-            let range_m = (plane - origin[axis]) / slant;
-            if range_m > 0.0 && nearest.is_none_or(|n| range_m < n.range_m) {
-                nearest = Some(Surface {
-                    range_m,
-                    cos_incidence: slant.abs(),
-                });
+        let axes = [
+            (beam.z, origin.z, self.low.z, self.high.z),
+            (beam.y, origin.y, self.low.y, self.high.y),
+            (beam.x, origin.x, self.low.x, self.high.x),
+        ];
+        for (slant, from, low, high) in axes {
+            let room_m = if slant > 0.0 { high - from } else { from - low };
+            let slant = slant.abs();
+            // Whether it is the nearest is told without the division.
+            if room_m > 0.0 && nearest.is_none_or(|n| room_m < n.range_m * slant) {
+                let range_m = room_m / slant;
+                if range_m.is_finite() {
+                    nearest = Some(Surface {
+                        range_m,
+                        cos_incidence: slant,
+                    });
+                }
             }
         }
         nearest
@@ -222,9 +239,9 @@ impl World {
         let b = &frame.bounds;
         let (hx, hy) = (b.dx_m / 2.0, b.dy_m / 2.0);
         let mut walls = vec![
-            wall(Face::Right, Y, 1.0, hy),
-            wall(Face::Upper, Z, 1.0, b.dz_m),
-            wall(Face::Left, Y, -1.0, hy),
+            wall(Face::Right, hy),
+            wall(Face::Upper, b.dz_m),
+            wall(Face::Left, hy),
         ];
         for wall in &mut walls {
             for plate in frame.plates.iter().filter(|p| p.face == wall.face) {
@@ -247,21 +264,25 @@ impl World {
     pub fn reflector(&self, origin: Vector3<f64>, beam: Vector3<f64>, spot: &Spot) -> Option<Hit> {
         let mut reflector: Option<Hit> = None;
         for wall in &self.walls {
-            let slant = wall.sign * beam[wall.axis];
+            let slant = wall.outward(&beam);
             if slant <= 0.0 {
                 continue;
             }
-            let range_m = (wall.distance_m - wall.sign * origin[wall.axis]) / slant;
+            let range_m = (wall.distance_m - wall.outward(&origin)) / slant;
             if range_m <= 0.0 || !range_m.is_finite() {
                 continue;
             }
             let point = origin + beam * range_m;
+            let along_m = match wall.face {
+                Face::Upper => point.y,
+                Face::Right | Face::Left => point.z,
+            };
             let radius_m = spot.radius_m(range_m);
             // The spot on the wall is an ellipse that is longest along the beam; a little more
             // keeps rounding out of it.
             let reach_m = radius_m / slant * (1.0 + 1e-9) + 1e-9;
             for patch in &wall.patches {
-                if !patch.is_near(&point, Y + Z - wall.axis, reach_m) {
+                if !patch.is_near(point.x, along_m, reach_m) {
                     continue;
                 }
                 let share = patch.share(point, beam, slant, radius_m);
@@ -285,19 +306,13 @@ impl World {
     pub fn background(&self, origin: Vector3<f64>, beam: Vector3<f64>) -> Option<Surface> {
         self.background
             .as_ref()
-            .and_then(|background| background.meet(origin, beam))
+            .and_then(|background| background.meet(&origin, &beam))
     }
 }
 
-/// Axes of B.
-const Y: usize = 1;
-const Z: usize = 2;
-
-fn wall(face: Face, axis: usize, sign: f64, distance_m: f64) -> Wall {
+fn wall(face: Face, distance_m: f64) -> Wall {
     Wall {
         face,
-        axis,
-        sign,
         distance_m,
         patches: Vec::new(),
     }
@@ -314,7 +329,8 @@ fn on_wall(wall: &Wall, x_m: f64, v_m: f64) -> Vector3<f64> {
 
 fn plate_patch(plate: &Plate, wall: &Wall) -> Patch {
     let ([x0, x1], [z0, z1]) = (plate.x_m, plate.z_m);
-    Patch::new([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| on_wall(wall, x, z)))
+    let corners = [(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| on_wall(wall, x, z));
+    Patch::new(wall.face, corners)
 }
 
 fn strip_patch(strip: &Strip, wall: &Wall, half_depth_m: f64) -> Patch {
@@ -322,12 +338,13 @@ fn strip_patch(strip: &Strip, wall: &Wall, half_depth_m: f64) -> Patch {
     let slope = libm::tan(strip.inclination_deg.to_radians());
     let half_m = strip.width_m / 2.0;
     let corner = |x: f64, side: f64| on_wall(wall, x, strip.offset_m + side * half_m + x * slope);
-    Patch::new([
+    let corners = [
         corner(x0, -1.0),
         corner(x1, -1.0),
         corner(x1, 1.0),
         corner(x0, 1.0),
-    ])
+    ];
+    Patch::new(wall.face, corners)
 }
 
 #[cfg(test)]
