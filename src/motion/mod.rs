@@ -60,8 +60,8 @@ impl State {
     }
 }
 
-/// A motion of the platform. Scans along one motion are simulated on several threads.
-pub trait Motion: Send + Sync {
+/// A motion of the platform.
+pub trait Motion {
     /// The state `t_s` seconds after the motion's start.
     fn at(&self, t_s: f64) -> State;
     /// How long it takes, s; the platform rests afterwards.

@@ -24,7 +24,7 @@ pub struct Travel {
 }
 
 /// A profile from rest to rest.
-pub trait Profile: Send + Sync {
+pub trait Profile {
     /// `t_s` seconds after the start; clamped to the ends.
     fn at(&self, t_s: f64) -> Travel;
     /// From start to rest, s.

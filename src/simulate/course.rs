@@ -4,6 +4,9 @@ use super::random::{Purpose, Seed};
 use crate::motion::{Motion, Pose, State};
 use nalgebra::Vector3;
 
+/// A motion along which several threads make scans.
+pub type SharedMotion = Box<dyn Motion + Send + Sync>;
+
 /// The platform's course over a run.
 pub enum Course {
     /// At rest, a fixed number of scans in each pose; between poses it jumps.
@@ -16,9 +19,9 @@ pub enum Course {
     /// In motion.
     Moving {
         /// The true motion.
-        truth: Box<dyn Motion>,
+        truth: SharedMotion,
         /// The motion that was asked for.
-        desired: Box<dyn Motion>,
+        desired: SharedMotion,
         /// The platform follows the desired motion this much later, s.
         lag_s: f64,
     },

@@ -1,9 +1,11 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod evaluation;
 mod inputs;
 mod lines;
 mod outputs;
+mod pictures;
 mod poses;
 
 use crate::stream::Outcome;

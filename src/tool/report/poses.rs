@@ -1,9 +1,10 @@
 //! `report`: poses against a true or desired trajectory.
 
+use super::evaluation::EvaluationArgs;
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
-    origin, page, terminal,
+    Association, Case, Gate, Inertial, Limits, Reference, Report, evaluate, json, merge, origin,
+    page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::common::{CommonArgs, parse_duration};
@@ -21,19 +22,32 @@ EXAMPLES
   Two methods side by side:
     report --truth truth.csv joint=poses.csv \\
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
+  A run that was split up, put together again:
+    report --truth truth.csv --merge <(sed 101q poses.csv) <(sed 2,101d poses.csv)
   Parts of the workspace apart:
     report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
+  With the delay, relative errors and what the poses rest on:
+    report --truth truth.csv --rpe 1s --rpe 1m --imu imu.csv --lines lines.csv poses.csv
+  Without the delay, and moved onto the truth:
+    report --truth truth.csv --delay estimate --align se2 poses.csv
   The noise of an IMU at rest, as a page and in numbers:
     report --imu imu.csv --html imu.html --json > imu.json
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
   (n - 1), rms, median, mad (median of |e - median|), p95, p99, max, min (of |e|; percentiles linear
-  between order statistics, as numpy's), sse. Names are paths in --json: x.rms_mm, yaw.p95_deg,
-  x.nees, nees.x_yaw.nees, scans.solved_pct, scans.words.no-edges.
+  between order statistics, as numpy's), sse; rotation is the angle between the orientations. Names are
+  paths in --json: x.rms_mm, yaw.p95_deg, x.nees, nees.x_yaw.nees, scans.solved_pct,
+  scans.words.no-edges, refused.no-edges, rpe.1s.position.rms_mm, along.bias_mm, delay.delay_ms,
+  orientation.yaw.drift_deg_h, quality.residual.upper.rms_mm, input.jumps.
+
+DELAY
+  Positive: the poses are late. It is estimated where the reference moves, with gain and offset of each
+  axis free; the interval of 95 % knows of the correlation of the errors over time. delay.rms_before_mm,
+  rms_after_mm and share_mm say what it makes of the position's error, whatever --delay is.
 
 EXIT STATUS
   0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
@@ -46,12 +60,17 @@ pub struct PoseArgs {
     /// a file name with = in it is given as ./NAME
     #[arg(value_name = "[NAME=]POSES")]
     pub poses: Vec<String>,
-    /// True trajectory [default: /truth in the first run's stream, if that is MCAP]
+    /// True trajectory; several files are parts of one [default: /truth in the first run's stream, if
+    /// that is MCAP]
     #[arg(long, value_name = "FILE", conflicts_with = "desired")]
-    pub truth: Option<PathBuf>,
-    /// Desired trajectory, to compare with in place of the truth
+    pub truth: Vec<PathBuf>,
+    /// Desired trajectory, to compare with in place of the truth; several files are parts of one
     #[arg(long, value_name = "FILE")]
-    pub desired: Option<PathBuf>,
+    pub desired: Vec<PathBuf>,
+    /// Files with the same NAME= in front, and those without one, are parts of one run, as those of
+    /// simulate --shard: together they are what the whole run would have been
+    #[arg(long)]
+    pub merge: bool,
     /// Reference between two of its points: interpolated, or the nearest point
     #[arg(long, value_name = "HOW", default_value = "interpolated", value_parser = parse_association)]
     pub association: Association,
@@ -59,17 +78,9 @@ pub struct PoseArgs {
     /// [default: 10ms]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub max_diff: Option<Duration>,
-    /// A record of the IMU at rest: Allan deviations beside the 3DM-GX1's data sheet; alone, or with
-    /// poses
-    #[arg(long, value_name = "FILE")]
-    pub imu: Option<PathBuf>,
-    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
-    /// name in front if wanted (low=z<=3.5); several are scored side by side
-    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
-    pub zones: Vec<Zone>,
-    /// Size of the workspace's cells, m [default: from the data]
-    #[arg(long, value_name = "SIZE")]
-    pub cell_m: Option<f64>,
+    /// Evaluation.
+    #[command(flatten)]
+    pub evaluation: EvaluationArgs,
     /// End with status 4 if the condition holds, as 'x.rms_mm>4.1' or 'joint:yaw.p95_deg>0.2'; several
     /// allowed
     #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
@@ -123,46 +134,43 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
 
 /// Reads everything and sums it up.
 fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
-    let inertial = args
-        .imu
-        .as_deref()
-        .map(|path| inputs::read_imu(path, options));
-    let inertial = inertial.transpose()?;
-    let alone = args.poses.is_empty() && args.truth.is_none() && args.desired.is_none();
-    if inertial.is_some() && alone {
-        return imu_alone(args, inertial);
-    }
-    let sources = origin::sources(&args.poses);
-    let (path, role) = match (&args.truth, &args.desired) {
-        (Some(path), _) => (path.clone(), Role::Truth),
-        (None, Some(path)) => (path.clone(), Role::Desired),
-        (None, None) => (
-            sources
-                .first()
-                .map_or_else(|| PathBuf::from("-"), |s| s.path.clone()),
-            Role::Truth,
-        ),
+    let (settings, imu) = args.evaluation.settings(options)?;
+    let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
+    let imu = match imu {
+        Some(record) if alone => return imu_alone(args, record.at_rest(&[])),
+        imu => imu,
     };
-    let given = args.truth.is_some() || args.desired.is_some();
+    let sources = if args.merge {
+        origin::parts(&args.poses)
+    } else {
+        origin::sources(&args.poses)
+    };
+    let own: Vec<PathBuf> = sources.iter().map(|s| s.path.clone()).collect();
+    let (paths, role) = match (&args.truth[..], &args.desired[..]) {
+        ([], []) if args.merge => (&own[..], Role::Truth),
+        ([], []) => (own.get(..1).unwrap_or_default(), Role::Truth),
+        ([], paths) => (paths, Role::Desired),
+        (paths, _) => (paths, Role::Truth),
+    };
     let wanted = inputs::Wanted {
-        path: &path,
+        paths,
         role,
-        given,
+        given: !args.truth.is_empty() || !args.desired.is_empty(),
     };
-    let (runs, points) = inputs::read(&sources, wanted, options)?;
+    let (mut runs, points) = inputs::read(&sources, wanted, options)?;
+    if args.merge {
+        runs = merge(runs);
+    }
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
     };
     let reference = Reference::new(points, limits);
-    let settings = Settings {
-        zones: args.zones.clone(),
-        cell_m: args.cell_m,
-    };
-    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
     let cases = evaluate(runs, &reference, &settings);
+    let inertial = imu.and_then(|record| record.at_rest(&cases));
     let judge = |gate: &Gate| {
         let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
         if cases.is_empty() {
@@ -181,7 +189,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         } else {
             "desired"
         },
-        reference_source: origin::input_name(&path),
+        reference_source: origin::input_names(paths.iter().map(|path| origin::input_name(path))),
         reference,
         cases,
         inertial,

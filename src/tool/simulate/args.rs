@@ -8,7 +8,9 @@ use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
 use crate::record::{Axes, Stamp, TrajectoryPoint};
 use crate::simulate::scanner;
-use crate::simulate::{Course, Effect, Effects, Grid, Parameters, Places, Scatter, Seed, Setup};
+use crate::simulate::{
+    Course, Effect, Effects, Grid, Parameters, Places, Scatter, Seed, Setup, SharedMotion,
+};
 use crate::stream::{Fault, Options, read_all};
 use crate::tool::common::{CommonArgs, Format, FrameArg, parse_duration};
 use anyhow::Context;
@@ -560,8 +562,8 @@ fn shuttle(args: &CourseArgs) -> Course {
     }
 }
 
-fn moving(args: &CourseArgs, desired: impl Motion + Clone + 'static) -> Course {
-    let truth: Box<dyn Motion> = match args.wobble_deg {
+fn moving(args: &CourseArgs, desired: impl Motion + Clone + Send + Sync + 'static) -> Course {
+    let truth: SharedMotion = match args.wobble_deg {
         Some(amplitude_deg) => Box::new(Wobble {
             motion: desired.clone(),
             amplitude_rad: amplitude_deg.map(f64::to_radians).into(),
