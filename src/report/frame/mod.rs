@@ -216,7 +216,12 @@ impl Survey {
     fn cells(&self) -> Cells {
         let mut cells = Cells::new(self.layout);
         for place in self.places.iter().filter(|p| p.told > 0) {
-            cells.add(place.at_m, &std::array::from_fn(|k| place.sigma(k)));
+            cells.add(
+                place.at_m,
+                &std::array::from_fn(|k| place.sigma(k)),
+                0,
+                None,
+            );
         }
         cells
     }

@@ -405,16 +405,11 @@ fn component(samples: &[&Sample], k: usize) -> Component {
             .filter(|v| v.is_finite() && *v > 0.0),
     );
     let fixed = if stated.is_finite() {
-        (stated - variance).max(0.0).sqrt()
+        fixed_variance(stated, variance, effective_n).sqrt()
     } else {
         0.0
     };
-    let mean_s = mean(known.iter().map(|s| s.t_s));
-    let times: f64 = known.iter().map(|s| (s.t_s - mean_s).powi(2)).sum();
-    let products: f64 = known
-        .iter()
-        .map(|s| (s.t_s - mean_s) * (s.value[k] - middle))
-        .sum();
+    let [drift, drift_sigma] = drift(&known, k, middle);
     Component {
         mean: if k < 3 { middle } else { wrap_angle(middle) },
         sigma: averaging.hypot(fixed),
@@ -422,9 +417,39 @@ fn component(samples: &[&Sample], k: usize) -> Component {
         fixed,
         scatter: variance.sqrt(),
         effective_n,
-        drift: products / times,
-        drift_sigma: (student * variance * n / (effective_n * times)).sqrt(),
+        drift,
+        drift_sigma,
     }
+}
+
+/// The part of a stated variance that the scatter does not show. The scatter of n independent poses
+/// is itself uncertain by sqrt(2 / n) of its square, and the part cannot be negative: this is about
+/// the mean of what it can be (a hyperbola close to the mean of the positive part of a normal number).
+fn fixed_variance(stated: f64, scatter: f64, effective_n: f64) -> f64 {
+    let difference = stated - scatter;
+    let uncertain = scatter * (2.0 / (effective_n - 1.0).max(1.0)).sqrt();
+    // Twice the density of the normal distribution in its middle.
+    let width = 0.797_885 * uncertain;
+    0.5 * (difference + difference.hypot(width))
+}
+
+/// Slope of a component over time and its standard deviation, from what is left without the slope.
+fn drift(known: &[&&Sample], k: usize, middle: f64) -> [f64; 2] {
+    let n = known.len() as f64;
+    let mean_s = mean(known.iter().map(|s| s.t_s));
+    let times: f64 = known.iter().map(|s| (s.t_s - mean_s).powi(2)).sum();
+    let products = known
+        .iter()
+        .map(|s| (s.t_s - mean_s) * (s.value[k] - middle));
+    let slope = products.sum::<f64>() / times;
+    let rest: Vec<f64> = known
+        .iter()
+        .map(|s| s.value[k] - middle - slope * (s.t_s - mean_s))
+        .collect();
+    let effective_n = effective_number(&rest);
+    let squares: f64 = rest.iter().map(|r| r * r).sum();
+    let variance = squares / (n * (1.0 - 2.0 / effective_n)).max(1.0);
+    [slope, (variance * n / (effective_n * times)).sqrt()]
 }
 
 /// Whether an interval as a whole moves surely faster than what counts as standing.

@@ -1,12 +1,14 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod evaluation;
 mod frame;
 mod inputs;
 mod lines;
 mod outputs;
 mod pictures;
 mod poses;
+mod robot;
 mod scan;
 mod standing;
 
@@ -48,6 +50,8 @@ pub enum Subject {
     Scan(scan::ScanArgs),
     /// Standstills of a run: the mean pose of each, its uncertainty, the way home
     Static(standing::StandingArgs),
+    /// Finds where a robot's pulleys are, from poses measured where it stood
+    Robot(robot::RobotArgs),
 }
 
 /// Runs the tool.
@@ -61,5 +65,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Subject::Frame(args)) => frame::run(&args),
         Some(Subject::Scan(args)) => scan::run(&args),
         Some(Subject::Static(args)) => standing::run(&args),
+        Some(Subject::Robot(args)) => robot::run(&args),
     }
 }
