@@ -5,7 +5,7 @@ use crate::report::{
     Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
     origin, page, terminal,
 };
-use crate::stream::{Fault, Options, Outcome, Role};
+use crate::stream::{Fault, Options, Outcome, Role, TextFile};
 use crate::tool::common::{CommonArgs, parse_duration};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -108,16 +108,23 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     let table = args.common.output.as_deref();
     let table = table.filter(|path| *path != Path::new("-"));
     outputs::refuse_one_place(args.html.as_deref(), table)?;
+    if table.is_none() && args.html.as_deref() == Some(Path::new("-")) {
+        let why = "--html -: the table goes to stdout too; give it a file with -o";
+        return Err(Fault::Usage(why.to_owned()).into());
+    }
+    let html = args.html.as_deref().map(|path| TextFile::open(Some(path)));
+    let html = html.transpose()?;
+    let table = TextFile::open(table)?;
     let report = make(args, &options)?;
-    if let Some(path) = &args.html {
-        outputs::write(path, &page::write(&report))?;
+    if let Some(html) = html {
+        html.finish(&page::write(&report))?;
     }
     let text = if args.json {
         json::write(&report)?
     } else {
         terminal::write(&report, style(args))
     };
-    outputs::print(&text, table)?;
+    table.finish(&text)?;
     Ok(outcome(&report))
 }
 
