@@ -72,6 +72,11 @@ soak:
 man:
 	UPDATE_MAN=1 $(CARGO) test --locked --test man
 
+## completions: rewrites completions/* from the tools' own options
+.PHONY: completions
+completions:
+	UPDATE_COMPLETIONS=1 $(CARGO) test --locked --test completions
+
 ## golden: rewrites testdata/golden; look at the difference before committing it
 .PHONY: golden
 golden:
@@ -152,19 +157,69 @@ strip-designs: build
 yaw-range: build
 	@$(MAKE) --no-print-directory -C experiments yaw-range BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
 
-## install: programs and man pages under PREFIX (/usr/local), below DESTDIR
+# What `make install` puts where; `make uninstall` takes the same list away.
+BINDIR = $(DESTDIR)$(PREFIX)/bin
+SHAREDIR = $(DESTDIR)$(PREFIX)/share
+LIBDIR = $(DESTDIR)$(PREFIX)/lib
+MANUALS := $(wildcard man/*.[157])
+COMPLETIONS := $(wildcard completions/*/*)
+EXAMPLES := testdata/cablar.toml testdata/inclined.toml packaging/systemd/live.env packaging/twincat/FB_CablePose.st
+
+define INSTALLED
+$(TOOLS:%=$(BINDIR)/%) \
+$(foreach page,$(MANUALS),$(SHAREDIR)/man/man$(patsubst .%,%,$(suffix $(page)))/$(notdir $(page))) \
+$(patsubst completions/bash/%,$(SHAREDIR)/bash-completion/completions/%,$(filter completions/bash/%,$(COMPLETIONS))) \
+$(patsubst completions/zsh/%,$(SHAREDIR)/zsh/site-functions/%,$(filter completions/zsh/%,$(COMPLETIONS))) \
+$(patsubst completions/fish/%,$(SHAREDIR)/fish/vendor_completions.d/%,$(filter completions/fish/%,$(COMPLETIONS))) \
+$(addprefix $(SHAREDIR)/doc/cablepose/,README.md CHANGELOG.md packaging.md) \
+$(addprefix $(SHAREDIR)/doc/cablepose/examples/,$(notdir $(EXAMPLES))) \
+$(LIBDIR)/cablepose/live $(LIBDIR)/systemd/system/cablepose.service \
+$(LIBDIR)/udev/rules.d/60-cablepose.rules
+endef
+
+## install: programs, manuals, completions, examples, unit and rules under PREFIX (/usr/local), below DESTDIR
 .PHONY: install
 install: build
-	$(INSTALL) -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/man/man7
-	$(INSTALL) -m 755 $(TOOLS:%=$(TARGET)/release/%) $(DESTDIR)$(PREFIX)/bin/
-	$(INSTALL) -m 644 $(wildcard man/*.1) $(DESTDIR)$(PREFIX)/share/man/man1/
-	$(INSTALL) -m 644 man/cablepose.7 $(DESTDIR)$(PREFIX)/share/man/man7/
+	for page in $(MANUALS); do
+		$(INSTALL) -D -m 644 $$page "$(SHAREDIR)/man/man$${page##*.}/$${page##*/}"
+	done
+	for program in $(TOOLS); do
+		$(INSTALL) -D -m 755 $(TARGET)/release/$$program "$(BINDIR)/$$program"
+	done
+	$(INSTALL) -D -m 644 -t "$(SHAREDIR)/bash-completion/completions" completions/bash/*
+	$(INSTALL) -D -m 644 -t "$(SHAREDIR)/zsh/site-functions" completions/zsh/*
+	$(INSTALL) -D -m 644 -t "$(SHAREDIR)/fish/vendor_completions.d" completions/fish/*
+	$(INSTALL) -D -m 644 -t "$(SHAREDIR)/doc/cablepose" README.md CHANGELOG.md
+	$(INSTALL) -D -m 644 packaging/README.md "$(SHAREDIR)/doc/cablepose/packaging.md"
+	$(INSTALL) -D -m 644 -t "$(SHAREDIR)/doc/cablepose/examples" $(EXAMPLES)
+	$(INSTALL) -D -m 755 packaging/systemd/live "$(LIBDIR)/cablepose/live"
+	sed 's|/usr/lib/cablepose|$(PREFIX)/lib/cablepose|; s|/usr/share|$(PREFIX)/share|' packaging/systemd/cablepose.service \
+		| $(INSTALL) -D -m 644 /dev/stdin "$(LIBDIR)/systemd/system/cablepose.service"
+	$(INSTALL) -D -m 644 -t "$(LIBDIR)/udev/rules.d" packaging/udev/60-cablepose.rules
 
 ## uninstall: removes what install put there
 .PHONY: uninstall
 uninstall:
-	rm -f $(TOOLS:%=$(DESTDIR)$(PREFIX)/bin/%) $(patsubst man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard man/*.1)) \
-		$(DESTDIR)$(PREFIX)/share/man/man7/cablepose.7
+	rm -f $(INSTALLED)
+	-rmdir "$(SHAREDIR)/doc/cablepose/examples" "$(SHAREDIR)/doc/cablepose" "$(LIBDIR)/cablepose" 2>/dev/null
+
+## check-install: installs into target/install, looks for each file and page there, and uninstalls
+.PHONY: check-install
+check-install: build
+	rm -rf $(TARGET)/install
+	$(MAKE) --no-print-directory install DESTDIR=$(abspath $(TARGET))/install PREFIX=/usr >/dev/null
+	packaging/check-install $(abspath $(TARGET))/install
+	$(MAKE) --no-print-directory uninstall DESTDIR=$(abspath $(TARGET))/install PREFIX=/usr
+	left=$$(find $(TARGET)/install -type f)
+	if [[ -n $$left ]]; then echo "left behind: $$left" >&2; exit 1; fi
+	echo "installs and uninstalls"
+
+## deb: a Debian package in target/debian (needs dpkg-deb)
+.PHONY: deb
+deb: build
+	rm -rf $(TARGET)/debian/stage
+	$(MAKE) --no-print-directory install DESTDIR=$(abspath $(TARGET))/debian/stage PREFIX=/usr >/dev/null
+	STAGE=$(abspath $(TARGET))/debian/stage OUT=$(TARGET)/debian packaging/debian/build
 
 ## clean: removes everything that was built
 .PHONY: clean

@@ -56,6 +56,15 @@ impl Status {
         self.0
     }
 
+    /// The remark of one bit of [`Status::bits`]; none where the bit has no meaning.
+    pub fn from_bit(bit: u32) -> Option<Status> {
+        let status = Status(1u32.checked_shl(bit)?);
+        NAMES
+            .iter()
+            .any(|(known, _)| *known == status)
+            .then_some(status)
+    }
+
     /// The names of the remarks.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         NAMES

@@ -9,7 +9,8 @@
 //!   case holds only what the outputs show and has the same size whatever the run's length;
 //! - [`Gate`] compares a case's statistics with limits (`--fail-if`);
 //! - [`Recording`] sums a record of an IMU at rest up to an [`Inertial`]: its Allan deviations;
-//! - [`terminal`], [`json`] and [`page`] show a [`Report`].
+//! - [`terminal`], [`json`] and [`page`] show a [`Report`]; each [`Figure`] of the page can be had as
+//!   a file of its own, SVG or PNG.
 //!
 //! An error is measured minus reference. Inside, errors are in metres and radians; only the three
 //! outputs speak of millimetres and degrees ([`Axis`]).
@@ -26,9 +27,12 @@ mod inertial;
 pub mod json;
 pub mod lines;
 mod measured;
+mod merge;
 mod number;
 pub mod origin;
 pub mod page;
+mod picture;
+mod pixels;
 mod pushes;
 mod scale;
 mod scans;
@@ -44,6 +48,8 @@ pub use case::{AxisResult, Case, Report, Run, Settings, evaluate};
 pub use consistency::{Consistency, GROUPS, effective_number};
 pub use gate::{Gate, GateError, Verdict};
 pub use inertial::{Inertial, Recording};
+pub use merge::merge;
+pub use picture::{Figure, PictureError};
 pub use scans::{Scans, Tally};
 pub use statistics::{Statistics, percentile, wrap_angle};
 pub use trace::{Histogram, Trace, TraceColumn};

@@ -40,6 +40,40 @@ pub fn sources(given: &[String]) -> Vec<Source> {
     sources
 }
 
+/// The parts of runs that are `given`, stdin if none. Parts with the same name belong together, and so
+/// do all that have none: they are called by what the first of their files is called without its
+/// number.
+pub fn parts(given: &[String]) -> Vec<Source> {
+    let mut parts = sources(given);
+    let named = |text: &str| sources(&[text.to_owned()]).pop().map(|s| s.name);
+    let mut whole: Option<String> = None;
+    for (part, text) in parts.iter_mut().zip(given) {
+        let path = part.path.to_string_lossy();
+        if text.as_str() != path {
+            part.name = named(text).unwrap_or_default();
+            continue;
+        }
+        let number = |c: char| c.is_ascii_digit() || "-_. ".contains(c);
+        let name = || match part.name.trim_end_matches(number) {
+            "" => "run".to_owned(),
+            name => name.to_owned(),
+        };
+        part.name = whole.get_or_insert_with(name).clone();
+    }
+    parts
+}
+
+/// What several inputs are called together: `a.csv`, `a.csv and b.csv`, `4 files, a.csv to d.csv`.
+pub fn input_names(names: impl Iterator<Item = String>) -> String {
+    let names: Vec<String> = names.collect();
+    match &names[..] {
+        [] => String::new(),
+        [one] => one.clone(),
+        [one, other] => format!("{one} and {other}"),
+        [first, .., last] => format!("{} files, {first} to {last}", names.len()),
+    }
+}
+
 /// What an input is called: its file's name, without its folder.
 pub fn input_name(path: &Path) -> String {
     if path == Path::new("-") {
@@ -144,6 +178,22 @@ mod tests {
         let words = ["/bin/report", "z<=3.5", "it's"];
         let line = command_line(words.iter().map(ToString::to_string));
         assert_eq!(line, r"report 'z<=3.5' 'it'\''s'");
+    }
+
+    #[test]
+    fn parts_of_a_run_share_its_name() {
+        let names = |given: &[&str]| -> Vec<String> {
+            let given: Vec<String> = given.iter().map(ToString::to_string).collect();
+            parts(&given).into_iter().map(|part| part.name).collect()
+        };
+        let given = ["out/poses-1.csv", "a=x1.csv", "out/poses-2.csv", "a=x2.csv"];
+        assert_eq!(names(&given), ["poses", "a", "poses", "a"]);
+        assert_eq!(names(&["1.csv", "2.csv"]), ["run", "run"]);
+        assert_eq!(names(&[]), ["poses"]);
+        let together = |given: &[&str]| input_names(given.iter().map(ToString::to_string));
+        assert_eq!(together(&["a"]), "a");
+        assert_eq!(together(&["a", "b"]), "a and b");
+        assert_eq!(together(&["a", "b", "c"]), "3 files, a to c");
     }
 
     #[test]

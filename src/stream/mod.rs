@@ -37,9 +37,9 @@ mod round_trip_tests;
 #[cfg(test)]
 mod samples;
 mod side;
-mod text_file;
 mod trajectory_text;
 pub mod viewer;
+mod whole_file;
 mod window;
 
 pub use check::{BadField, StreamRecord};
@@ -56,7 +56,7 @@ pub(crate) use patient::leave_stuck_writes;
 pub use provenance::Provenance;
 pub use reader::reader_left;
 pub use side::SideInput;
-pub use text_file::TextFile;
+pub use whole_file::WholeFile;
 pub use window::{Place, WindowState};
 
 use crate::record::Stamp;

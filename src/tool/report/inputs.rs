@@ -3,18 +3,36 @@
 use crate::record::{ImuSample, Pose, Segment, TrajectoryPoint};
 use crate::report::{Inertial, Recording, Run, origin};
 use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies, read_all};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::thread;
 
 /// What the runs are to be compared with.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted<'a> {
-    /// Where it is.
-    pub(super) path: &'a Path,
+    /// Where it is: one file, or the parts of a trajectory.
+    pub(super) paths: &'a [PathBuf],
     /// Which trajectory of an MCAP stream.
     pub(super) role: Role,
-    /// Whether the command line names it; otherwise it is looked for in the first run's stream.
+    /// Whether the command line names it; otherwise it is looked for in the runs' streams.
     pub(super) given: bool,
+}
+
+/// Files that are read at the same time; of pipes there is no limit.
+const FILES_AT_ONCE: usize = 8;
+
+/// Something to read.
+#[derive(Clone, Copy)]
+enum Job {
+    /// The run of this index.
+    Run(usize),
+    /// The reference of this index.
+    Reference(usize),
+}
+
+/// What came of a [`Job`].
+enum Done {
+    Run(Run),
+    Reference(Vec<TrajectoryPoint>),
 }
 
 /// Reads all inputs: first what comes through pipes, all at the same time, because they may be
@@ -25,46 +43,78 @@ pub(super) fn read(
     wanted: Wanted<'_>,
     options: &Options,
 ) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
-    let reference = wanted.path;
-    let shared = sources.iter().position(|s| s.path == reference);
-    let mut halves = match shared.filter(|_| is_pipe(reference)) {
-        Some(_) => copies(Some(reference))?.map(Some),
+    let shared = wanted.paths.iter().enumerate().find_map(|(j, path)| {
+        let i = sources.iter().position(|s| s.path == *path)?;
+        is_pipe(path).then_some((i, j))
+    });
+    let mut halves = match shared.and_then(|(i, _)| sources.get(i)) {
+        Some(source) => copies(Some(&source.path))?.map(Some),
         None => [None, None],
     };
-    let mut points = None;
+    let jobs: Vec<(Job, &Path)> = sources
+        .iter()
+        .enumerate()
+        .map(|(i, source)| (Job::Run(i), source.path.as_path()))
+        .chain(
+            (wanted.paths.iter().enumerate()).map(|(j, path)| (Job::Reference(j), path.as_path())),
+        )
+        .collect();
     let mut runs: Vec<Option<Run>> = vec![None; sources.len()];
+    let mut parts: Vec<Vec<TrajectoryPoint>> = Vec::new();
     for pipes in [true, false] {
-        thread::scope(|scope| {
-            let [of_run, of_reference] = &mut halves;
-            let reading = (is_pipe(reference) == pipes).then(|| {
-                let half = of_reference.take();
-                scope.spawn(move || read_reference(wanted, half, options))
-            });
-            let mut threads = Vec::new();
-            for (i, source) in sources.iter().enumerate() {
-                if is_pipe(&source.path) == pipes {
-                    let half = if shared == Some(i) {
-                        of_run.take()
-                    } else {
-                        None
+        let now: Vec<_> = jobs
+            .iter()
+            .filter(|(_, path)| is_pipe(path) == pipes)
+            .collect();
+        let at_once = if pipes { now.len() } else { FILES_AT_ONCE };
+        for batch in now.chunks(at_once.max(1)) {
+            thread::scope(|scope| {
+                let mut threads = Vec::new();
+                for (job, path) in batch {
+                    let half = match (*job, shared) {
+                        (Job::Run(i), Some((own, _))) if i == own => halves[0].take(),
+                        (Job::Reference(j), Some((_, own))) if j == own => halves[1].take(),
+                        _ => None,
                     };
-                    threads.push((i, scope.spawn(move || read_run(source, half, options))));
+                    let job = *job;
+                    let thread = scope.spawn(move || match job {
+                        Job::Run(i) => sources
+                            .get(i)
+                            .map(|source| read_run(source, half, options).map(Done::Run)),
+                        Job::Reference(_) => {
+                            Some(read_reference(path, wanted, half, options).map(Done::Reference))
+                        }
+                    });
+                    threads.push((job, thread));
                 }
-            }
-            for (i, thread) in threads {
-                let run = joined(thread)?;
-                runs.splice(i..=i, [Some(run)]);
-            }
-            if let Some(thread) = reading {
-                points = Some(joined(thread)?);
-            }
-            anyhow::Ok(())
-        })?;
+                for (job, thread) in threads {
+                    match (job, joined(thread).transpose()?) {
+                        (Job::Run(i), Some(Done::Run(run))) => {
+                            runs.splice(i..=i, [Some(run)]);
+                        }
+                        (_, Some(Done::Reference(points))) => parts.push(points),
+                        _ => {}
+                    }
+                }
+                anyhow::Ok(())
+            })?;
+        }
     }
-    Ok((
-        runs.into_iter().flatten().collect(),
-        points.unwrap_or_default(),
-    ))
+    Ok((runs.into_iter().flatten().collect(), whole(parts)))
+}
+
+/// The parts of a trajectory put together. They come in any order, and a point that two of them
+/// share is one.
+fn whole(mut parts: Vec<Vec<TrajectoryPoint>>) -> Vec<TrajectoryPoint> {
+    if parts.len() < 2 {
+        return parts.pop().unwrap_or_default();
+    }
+    parts.sort_by_key(|points| points.first().map(|point| point.stamp));
+    let mut points = parts.concat();
+    points.sort_by_key(|point| point.stamp);
+    let pose = |p: &TrajectoryPoint| (p.stamp, p.position_m, p.rotation_rad);
+    points.dedup_by(|b, a| pose(b) == pose(a));
+    points
 }
 
 /// A record of an IMU at rest.
@@ -111,7 +161,7 @@ fn is_pipe(path: &Path) -> bool {
     path == Path::new("-") || std::fs::metadata(path).is_ok_and(|m| !m.is_file())
 }
 
-fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow::Result<T> {
+fn joined<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
     thread
         .join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -120,11 +170,12 @@ fn joined<T>(thread: thread::ScopedJoinHandle<'_, anyhow::Result<T>>) -> anyhow:
 /// The reference's points. Poses have a trajectory's columns, so that a run in CSV could be read as
 /// one and compared with itself: where none is given, only a trajectory of its own in MCAP will do.
 fn read_reference(
+    path: &Path,
     wanted: Wanted<'_>,
     half: Option<StreamCopy>,
     options: &Options,
 ) -> anyhow::Result<Vec<TrajectoryPoint>> {
-    let Wanted { path, role, given } = wanted;
+    let Wanted { role, given, .. } = wanted;
     let mut input = match half {
         Some(bytes) => {
             let mut all = options.clone();

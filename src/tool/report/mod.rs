@@ -4,6 +4,7 @@
 mod inputs;
 mod lines;
 mod outputs;
+mod pictures;
 mod poses;
 
 use crate::stream::Outcome;

@@ -3,9 +3,9 @@
 use super::{inputs, outputs};
 use crate::report::{
     Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
-    origin, page, terminal,
+    merge, origin, page, terminal,
 };
-use crate::stream::{Fault, Options, Outcome, Role, TextFile};
+use crate::stream::{Fault, Options, Outcome, Role, WholeFile};
 use crate::tool::common::{CommonArgs, parse_duration};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,8 @@ EXAMPLES
   Two methods side by side:
     report --truth truth.csv joint=poses.csv \\
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
+  A run that was split up, put together again:
+    report --truth truth.csv --merge <(sed 101q poses.csv) <(sed 2,101d poses.csv)
   Parts of the workspace apart:
     report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
   In a script, with gates:
@@ -46,12 +48,17 @@ pub struct PoseArgs {
     /// a file name with = in it is given as ./NAME
     #[arg(value_name = "[NAME=]POSES")]
     pub poses: Vec<String>,
-    /// True trajectory [default: /truth in the first run's stream, if that is MCAP]
+    /// True trajectory; several files are parts of one [default: /truth in the first run's stream, if
+    /// that is MCAP]
     #[arg(long, value_name = "FILE", conflicts_with = "desired")]
-    pub truth: Option<PathBuf>,
-    /// Desired trajectory, to compare with in place of the truth
+    pub truth: Vec<PathBuf>,
+    /// Desired trajectory, to compare with in place of the truth; several files are parts of one
     #[arg(long, value_name = "FILE")]
-    pub desired: Option<PathBuf>,
+    pub desired: Vec<PathBuf>,
+    /// Files with the same NAME= in front, and those without one, are parts of one run, as those of
+    /// simulate --shard: together they are what the whole run would have been
+    #[arg(long)]
+    pub merge: bool,
     /// Reference between two of its points: interpolated, or the nearest point
     #[arg(long, value_name = "HOW", default_value = "interpolated", value_parser = parse_association)]
     pub association: Association,
@@ -112,9 +119,9 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
         let why = "--html -: the table goes to stdout too; give it a file with -o";
         return Err(Fault::Usage(why.to_owned()).into());
     }
-    let html = args.html.as_deref().map(|path| TextFile::open(Some(path)));
+    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
     let html = html.transpose()?;
-    let table = TextFile::open(table)?;
+    let table = WholeFile::open(table)?;
     let report = make(args, &options)?;
     if let Some(html) = html {
         html.finish(&page::write(&report))?;
@@ -135,28 +142,31 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         .as_deref()
         .map(|path| inputs::read_imu(path, options));
     let inertial = inertial.transpose()?;
-    let alone = args.poses.is_empty() && args.truth.is_none() && args.desired.is_none();
+    let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
     if inertial.is_some() && alone {
         return imu_alone(args, inertial);
     }
-    let sources = origin::sources(&args.poses);
-    let (path, role) = match (&args.truth, &args.desired) {
-        (Some(path), _) => (path.clone(), Role::Truth),
-        (None, Some(path)) => (path.clone(), Role::Desired),
-        (None, None) => (
-            sources
-                .first()
-                .map_or_else(|| PathBuf::from("-"), |s| s.path.clone()),
-            Role::Truth,
-        ),
+    let sources = if args.merge {
+        origin::parts(&args.poses)
+    } else {
+        origin::sources(&args.poses)
     };
-    let given = args.truth.is_some() || args.desired.is_some();
+    let own: Vec<PathBuf> = sources.iter().map(|s| s.path.clone()).collect();
+    let (paths, role) = match (&args.truth[..], &args.desired[..]) {
+        ([], []) if args.merge => (&own[..], Role::Truth),
+        ([], []) => (own.get(..1).unwrap_or_default(), Role::Truth),
+        ([], paths) => (paths, Role::Desired),
+        (paths, _) => (paths, Role::Truth),
+    };
     let wanted = inputs::Wanted {
-        path: &path,
+        paths,
         role,
-        given,
+        given: !args.truth.is_empty() || !args.desired.is_empty(),
     };
-    let (runs, points) = inputs::read(&sources, wanted, options)?;
+    let (mut runs, points) = inputs::read(&sources, wanted, options)?;
+    if args.merge {
+        runs = merge(runs);
+    }
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
@@ -166,7 +176,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         zones: args.zones.clone(),
         cell_m: args.cell_m,
     };
-    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
     let cases = evaluate(runs, &reference, &settings);
@@ -188,7 +198,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         } else {
             "desired"
         },
-        reference_source: origin::input_name(&path),
+        reference_source: origin::input_names(paths.iter().map(|path| origin::input_name(path))),
         reference,
         cases,
         inertial,

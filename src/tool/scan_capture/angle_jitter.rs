@@ -7,7 +7,7 @@ use crate::sick::angle_jitter::{AngleJitter, Learner, MOST_SCANS};
 use crate::sick::cola::{Event, Framer};
 use crate::sick::replay::{Replay, Settings};
 use crate::sick::scandata::{self, LmdScandata};
-use crate::stream::{Fault, Outcome, TextFile};
+use crate::stream::{Fault, Outcome, WholeFile};
 use anyhow::Context;
 use std::fs::File;
 use std::io::Read;
@@ -27,7 +27,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<AngleJitter> {
 
 /// Learns a model from recordings and writes it.
 pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> {
-    let output = TextFile::open(args.common.output.as_deref())?;
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let mut learner = Learner::default();
     let mut replay = Replay::new(settings);
     let mut telegram = LmdScandata::default();

@@ -8,7 +8,7 @@ use crate::record::text::push_f64;
 use crate::report::{AXES, Cells, Layout, dilution};
 use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
-use crate::stream::{Fault, Outcome, Stop, TextFile};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use std::io::Write;
 
 /// The command line's part.
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let stop = Stop::install()?;
     let mut out = dilution_output(options.output.as_deref())?;
     let html = args.dilution.dilution_html.as_deref();
-    let html = html.map(|path| TextFile::open(Some(path))).transpose()?;
+    let html = html.map(|path| WholeFile::open(Some(path))).transpose()?;
     let mut text = Vec::new();
     let names = AXES.iter().take(6).map(|axis| match axis.unit {
         "mm" => format!("{}_sigma_m", axis.name),

@@ -4,13 +4,13 @@ use crate::frame::{Frame, edit};
 use crate::pose::alignment::{self, Aligner, Alignment, Observation};
 use crate::pose::pitch::{Attitude, Pitch};
 use crate::record::{Face, Pose};
-use crate::stream::TextFile;
+use crate::stream::WholeFile;
 use std::path::PathBuf;
 
 /// The search for the IMU's mounting.
 pub(super) struct Align {
     path: PathBuf,
-    file: TextFile,
+    file: WholeFile,
     /// The frame file's text.
     text: String,
     x_constant: bool,
@@ -36,7 +36,7 @@ impl Align {
         quiet: bool,
     ) -> anyhow::Result<Align> {
         Ok(Align {
-            file: TextFile::open(Some(&path))?,
+            file: WholeFile::open(Some(&path))?,
             path,
             text,
             x_constant,

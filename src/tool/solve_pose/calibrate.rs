@@ -5,14 +5,14 @@ use crate::frame::{Frame, edit};
 use crate::pose::calibration::{Calibration, Calibrator, Entry, Settings, Survey, Turned};
 use crate::pose::pitch::{Attitude, Pitch};
 use crate::record::{Pose, ReflectorLines};
-use crate::stream::{Fault, TextFile};
+use crate::stream::{Fault, WholeFile};
 use anyhow::Context;
 use std::path::PathBuf;
 
 /// The calibration that is asked for.
 pub(super) struct Calibrate {
     path: PathBuf,
-    file: TextFile,
+    file: WholeFile,
     /// The frame file's text.
     text: String,
     settings: Settings,
@@ -51,7 +51,7 @@ impl Calibrate {
         };
         let x_sigma_m = asked.calibrate_x_sigma_mm * 1e-3;
         Ok(Some(Calibrate {
-            file: TextFile::open(Some(&path))?,
+            file: WholeFile::open(Some(&path))?,
             path,
             text: text.to_owned(),
             settings: Settings {

@@ -5,7 +5,7 @@ use crate::clock::delay::{self, DelayFit, DelaySettings, Measured, Part, correla
 use crate::link::HostInstant;
 use crate::motion::{Motion, Sampled};
 use crate::record::{DelayPoint, Pose, Stamp, TrajectoryPoint};
-use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role, TextFile};
+use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role, WholeFile};
 use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -118,7 +118,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.adjust.is_some() && args.method != How::Dissertation {
         return Err(Fault::Usage("--adjust goes with --method dissertation".into()).into());
     }
-    let output = TextFile::open(args.common.output.as_deref())?;
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let (motion, start) = desired(args, &options)?;
     let (measured, total_s) = measured(args, &options, start)?;
     let settings = DelaySettings {

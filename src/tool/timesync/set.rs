@@ -8,7 +8,7 @@ use crate::record::Stamp;
 use crate::sick::client::commands::{ScanContents, UserLevel};
 use crate::sick::client::{Client, ClientError};
 use crate::sick::scandata::Calendar;
-use crate::stream::{Fault, Outcome, Stop, TextFile};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use crate::tool::common::parse_duration;
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         true => serde_json::to_string_pretty(&report)? + "\n",
         false => words(&report),
     };
-    TextFile::open(None)?.finish(&text)?;
+    WholeFile::open(None)?.finish(&text)?;
     Ok(Outcome::Done)
 }
 
