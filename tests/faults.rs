@@ -683,7 +683,7 @@ fn a_step_of_the_hosts_clock_loses_nothing() {
     Stage::start(&dir, &line, Stdio::null(), Stdio::null())
         .end()
         .expect(&[0, 3]);
-    let times = fs::read_to_string(dir.join("run.cola.times.csv")).unwrap();
+    let times = fs::read_to_string(dir.join("run.times.csv")).unwrap();
     let mut rows: Vec<Vec<String>> = times
         .lines()
         .map(|line| line.split(',').map(str::to_owned).collect())

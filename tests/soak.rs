@@ -109,7 +109,7 @@ fn nothing_is_lost_that_is_not_counted() {
         &dir,
         "127.0.0.1:0",
         &format!(
-            "--model lms511-sr --frequency-hz {RATE} --resolution-deg 1 --n-scans 100000000 -v \
+            "--model lms511-sr --frequency-hz {RATE} --resolution-deg 1 --n-scans 200000 -v \
              --seed {seed} --faults {faults}"
         ),
     );
