@@ -50,12 +50,12 @@ pub fn figures(survey: &Survey) -> Vec<Figure> {
     figures.push(Figure::new(
         "edges",
         "Strip edges in sight, fewest",
-        "of the poses at a place",
+        format!("of {}", 2 * survey.frame.strips.len()),
         edges(survey),
     ));
     figures.push(Figure::new(
         "yaw-range",
-        "Yaw up to which both walls and one wall are in sight",
+        "Yaw with walls in sight",
         "deg over y, m",
         yaw(survey),
     ));
@@ -83,6 +83,8 @@ fn front(survey: &Survey) -> Drawing {
     let b = &survey.frame.bounds;
     let (half_y, gap_m) = (0.5 * b.dy_m, b.background_gap_m.unwrap_or(0.0));
     let beyond = gap_m + 0.03 * b.dy_m;
+    // Reflectors are drawn this far to both sides of their face.
+    let thick_m = 0.003 * b.dy_m;
     let label = "the frame from the front, with plates, strips, workspace and scanner";
     to_scale(
         WHOLE,
@@ -130,20 +132,19 @@ fn front(survey: &Survey) -> Drawing {
                     fixed(plate.z_m[0], 3),
                     fixed(plate.z_m[1], 3)
                 ));
-                plan.line(
-                    &[[y, plate.z_m[0]], [y, plate.z_m[1]]],
-                    pen(&ink::SERIES, 5.0),
-                )?;
+                let [low, high] = plate.z_m;
+                plan.rectangle([y - thick_m, low], [y + thick_m, high], &ink::SERIES)?;
             }
             for (i, strip) in survey.frame.strips.iter().enumerate() {
                 let ends = [-0.5, 0.5].map(|side| strip.offset_m + side * strip.width_m);
-                let ends = match strip.face {
-                    Face::Upper => ends.map(|y| [y, b.dz_m]),
-                    Face::Right => ends.map(|z| [half_y, z]),
-                    Face::Left => ends.map(|z| [-half_y, z]),
-                };
                 plan.say(described(i, strip));
-                plan.line(&ends, pen(&ink::OTHER, 5.0))?;
+                let across = |at: f64| [at - thick_m, at + thick_m];
+                let (u, v) = match strip.face {
+                    Face::Upper => (ends, across(b.dz_m)),
+                    Face::Right => (across(half_y), ends),
+                    Face::Left => (across(-half_y), ends),
+                };
+                plan.rectangle([u[0], v[0]], [u[1], v[1]], &ink::OTHER)?;
             }
             plan.say(format!(
                 "scanner: {}, {}",
@@ -203,7 +204,7 @@ fn ceiling(survey: &Survey) -> Drawing {
             for (i, strip) in survey.frame.strips_on(Face::Upper) {
                 plan.say(described(i, strip));
                 plan.area(&corners(survey, strip), &ink::OTHER.mix(0.8))?;
-                plan.text(i.to_string(), [strip.offset_m, 0.0], (0, 0))?;
+                plan.text(i.to_string(), [strip.offset_m, 0.0], (0, -12))?;
             }
             outline(
                 plan,
@@ -223,7 +224,7 @@ fn wall(survey: &Survey, face: Face) -> Drawing {
     let half_x = 0.5 * b.dx_m;
     // Whoever looks at the left wall from inside has x to the left.
     let sign = if face == Face::Right { 1.0 } else { -1.0 };
-    let wide = 1.05 * half_x.max(0.45 * b.dz_m);
+    let wide = 1.05 * half_x.max(0.72 * b.dz_m);
     let label = format!("the {} wall from inside", face.name());
     to_scale(
         HALF,
@@ -309,7 +310,7 @@ fn yaw(survey: &Survey) -> Drawing {
         .collect();
     let top = ranges.iter().map(|(_, r)| r[1]).fold(0.0, f64::max);
     free(
-        (2 * THIRD + 24, 216),
+        (THIRD, 216),
         [from, to],
         [0.0, above(top)],
         "yaw range over y",
@@ -322,8 +323,12 @@ fn yaw(survey: &Survey) -> Drawing {
                 let points: Vec<[f64; 2]> = ranges.iter().map(|(y, r)| [*y, r[k]]).collect();
                 plan.say(name.to_owned());
                 plan.line(&points, pen(&colour, 1.6))?;
-                let end = ranges.get(60).map_or([0.0; 2], |(y, r)| [*y, r[k]]);
-                plan.text(name.to_owned(), end, (0, if k == 1 { 16 } else { -10 }))?;
+                let end = ranges.get(70).map_or([0.0; 2], |(y, r)| [*y, r[k]]);
+                plan.text(
+                    name.to_owned(),
+                    end,
+                    if k == 1 { (-52, 0) } else { (-10, -9) },
+                )?;
             }
             Ok(())
         },

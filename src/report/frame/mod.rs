@@ -15,6 +15,7 @@ pub(super) use outputs::{statistic, statistic_exists};
 pub use page::page;
 pub use view::{Beams, Seen, seen};
 
+use super::number::fixed;
 use super::workspace::{Cells, Layout};
 use crate::frame::Frame;
 use crate::record::Face;
@@ -289,9 +290,9 @@ impl Survey {
             out.push((
                 true,
                 format!(
-                    "No strips cross or overlap; the closest, strip[{a}] and strip[{b}] ({}), are {:.3} m apart.",
+                    "No strips cross or overlap; the closest, strip[{a}] and strip[{b}] ({}), are {} m apart.",
                     gap.face.name(),
-                    gap.least_m
+                    fixed(gap.least_m, 3)
                 ),
             ));
         }

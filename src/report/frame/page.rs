@@ -21,7 +21,6 @@ pub fn page(title: Option<&str>, survey: &Survey) -> String {
     let [front, ceiling, walls @ ..] = drawings else {
         return page::document(&title, &html! { h1 { (title) } });
     };
-    let (sigmas, others) = maps.split_at(maps.len().saturating_sub(2));
     let b = &frame.bounds;
     let [right, upper, left] = on_faces(survey);
     let body = html! {
@@ -47,8 +46,7 @@ pub fn page(title: Option<&str>, survey: &Survey) -> String {
         div class="two" { @for wall in walls { (wall.markup()) } }
         h2 { "What one scan can tell" }
         p { "Least standard deviation of each component over the workspace: " (survey.conditions) ". y to the right, z up, m." }
-        div class="two" { @for map in sigmas { (map.markup()) } }
-        div class="two" { @for map in others { (map.markup()) } }
+        div class="three" { @for map in maps { (map.markup()) } }
         (prediction(survey))
         h2 { "Reflectors" }
         (reflectors(survey))

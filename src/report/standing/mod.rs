@@ -487,7 +487,8 @@ fn correction(
                         first[k] + wrap_angle(v - first[k])
                     }
                 };
-                mean(poses.iter().map(|p| near(p[k])))
+                // A jump of the trajectory may be near an end.
+                median(poses.iter().map(|p| near(p[k])))
             })
         }
     };

@@ -7,7 +7,7 @@ use crate::pose::information::{self, Assumptions, EdgeModel, Fan};
 use crate::report::frame::{self, Beams, Place, Survey};
 use crate::report::{Gate, GateError, Layout, origin};
 use crate::simulate::scanner::{self, Scanner};
-use crate::stream::{Fault, Outcome, Stop};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -137,9 +137,12 @@ pub(super) fn run(args: &FrameArgs) -> anyhow::Result<Outcome> {
     frame::check(&frame).map_err(|(key, why)| {
         Fault::Configuration(format!("{}: {key}: {why}", args.frame.display()))
     })?;
+    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
+    let html = html.transpose()?;
+    let output = WholeFile::open(table)?;
     let survey = survey(args, frame)?;
-    if let Some(path) = &args.html {
-        outputs::write(path, frame::page(args.title.as_deref(), &survey))?;
+    if let Some(html) = html {
+        html.finish(frame::page(args.title.as_deref(), &survey))?;
     }
     if args.pictures.wanted() {
         args.pictures.write(&frame::figures(&survey))?;
@@ -149,7 +152,7 @@ pub(super) fn run(args: &FrameArgs) -> anyhow::Result<Outcome> {
     } else {
         frame::table(&survey, args.ascii || !outputs::is_utf8())
     };
-    outputs::print(&text, args.output.as_deref())?;
+    output.finish(&text)?;
     let mut outcome = Outcome::Done;
     for verdict in args.fail_if.iter().map(|gate| gate.judge_frame(&survey)) {
         if verdict.failed {

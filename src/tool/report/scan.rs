@@ -7,7 +7,9 @@ use crate::frame::Frame;
 use crate::record::{Pose, ReflectorLines, Scan};
 use crate::report::scan::{View, figures, json, page, table, view};
 use crate::report::{Figure, origin};
-use crate::stream::{Encoding, Input, Options, Outcome, Role, StreamCopy, copies, read_all};
+use crate::stream::{
+    Encoding, Input, Options, Outcome, Role, StreamCopy, WholeFile, copies, read_all,
+};
 use crate::tool::common::CommonArgs;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -83,6 +85,9 @@ pub(super) fn run(args: &ScanArgs) -> anyhow::Result<Outcome> {
         .filter(|path| *path != Path::new("-"));
     outputs::refuse_one_place(args.html.as_deref(), text_file)?;
     let frame = args.frame.as_deref().map(Frame::read).transpose()?;
+    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
+    let html = html.transpose()?;
+    let output = WholeFile::open(text_file)?;
     let path = args.scans.clone().unwrap_or_else(|| PathBuf::from("-"));
     let (scans, lines, poses) = read(args, &path, &options)?;
     let views: Vec<View> = scans
@@ -102,8 +107,8 @@ pub(super) fn run(args: &ScanArgs) -> anyhow::Result<Outcome> {
         .collect();
     let name = origin::input_name(&path);
     let command = origin::command_line(std::env::args());
-    if let Some(path) = &args.html {
-        outputs::write(path, page(args.title.as_deref(), &name, &views, &command))?;
+    if let Some(html) = html {
+        html.finish(page(args.title.as_deref(), &name, &views, &command))?;
     }
     if args.pictures.wanted() {
         let several = views.len() > 1;
@@ -123,7 +128,7 @@ pub(super) fn run(args: &ScanArgs) -> anyhow::Result<Outcome> {
     } else {
         table(&views, args.ascii || !outputs::is_utf8())
     };
-    outputs::print(&text, args.common.output.as_deref())?;
+    output.finish(&text)?;
     Ok(outcome(args, &views, !lines.is_empty()))
 }
 

@@ -4,7 +4,7 @@ use super::outputs;
 use crate::record::{Pose, TrajectoryPoint};
 use crate::report::standing::{self, Criteria, Desired, csv, find, json, table};
 use crate::report::{Gate, GateError, Limits, Reference, origin};
-use crate::stream::{Fault, Input, Options, Outcome, Role, read_all};
+use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
 use crate::tool::common::{CommonArgs, parse_duration};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -115,6 +115,7 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
     if args.least.is_zero() {
         return Err(Fault::Usage("--least must be above 0".into()).into());
     }
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let path = args.poses.clone().unwrap_or_else(|| PathBuf::from("-"));
     let poses: Vec<Pose> = read_all(Some(&path), &options)?;
     let desired = match (&args.home, &args.desired) {
@@ -136,7 +137,7 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
     } else {
         table(&name, &found, &criteria, args.ascii || !outputs::is_utf8())
     };
-    outputs::print(&text, args.common.output.as_deref())?;
+    output.finish(&text)?;
     Ok(outcome(args, &found, desired.is_some()))
 }
 
