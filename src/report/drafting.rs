@@ -128,7 +128,7 @@ impl Plan<'_, '_> {
         let about = |length: i32, px: i32| (length / (px * UNIT)).max(2) as usize;
         let ends = |[a, b]: [f64; 2]| (a.min(b), a.max(b));
         let (low, high) = ends(self.v);
-        let (values, decimals) = ticks(low, high, about(bottom - top, 45));
+        let (values, decimals) = ticks(low, high, about(bottom - top, 36));
         for v in values {
             let (_, y) = self.at([self.u[0], v]);
             if lines {

@@ -204,7 +204,8 @@ fn ceiling(survey: &Survey) -> Drawing {
             for (i, strip) in survey.frame.strips_on(Face::Upper) {
                 plan.say(described(i, strip));
                 plan.area(&corners(survey, strip), &ink::OTHER.mix(0.8))?;
-                plan.text(i.to_string(), [strip.offset_m, 0.0], (0, -12))?;
+                let beside = strip.offset_m + 0.5 * strip.width_m;
+                plan.text(i.to_string(), [beside, 0.0], (9, -9))?;
             }
             outline(
                 plan,
@@ -256,7 +257,7 @@ fn wall(survey: &Survey, face: Face) -> Drawing {
                     &corners(survey, strip).map(|[v, x]| [x, v]),
                     &ink::OTHER.mix(0.8),
                 )?;
-                plan.text(i.to_string(), [0.0, strip.offset_m], (0, 0))?;
+                plan.text(i.to_string(), [sign * half_x, strip.offset_m], (12, 0))?;
             }
             outline(
                 plan,
