@@ -24,11 +24,11 @@ const MS: f64 = 1e3;
 const MM: f64 = 1e3;
 
 /// Every figure of these sections.
-pub(super) fn figures(case: &Case) -> Vec<Figure> {
+pub(super) fn figures(case: &Case, several: bool) -> Vec<Figure> {
     let mut all: Vec<Figure> = delay_figure(case).into_iter().collect();
-    all.extend(track_figures(case));
+    all.extend(track_figures(case, several));
     all.extend(orientation_figures(case));
-    all.extend(quality_figures(case));
+    all.extend(quality_figures(case, several));
     all.extend(stability_figures(case));
     all
 }
@@ -100,7 +100,8 @@ pub(super) fn delay(case: &Case) -> Markup {
     }
 }
 
-fn track_figures(case: &Case) -> Vec<Figure> {
+/// The error along the way and the distance from it over time.
+pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
     let Some(track) = &case.track else {
         return Vec::new();
     };
@@ -122,6 +123,8 @@ fn track_figures(case: &Case) -> Vec<Figure> {
         size,
         false,
     );
+    // Where several runs share the page, the distance's numbers have to do.
+    let cross = cross.filter(|_| !several);
     along.into_iter().chain(cross).collect()
 }
 
@@ -151,11 +154,6 @@ pub(super) fn more_errors(case: &Case) -> Vec<(String, Statistics, usize)> {
         }
     }
     rows
-}
-
-/// The way along and across, over time.
-pub(super) fn track(case: &Case) -> Markup {
-    row("two", &track_figures(case))
 }
 
 fn orientation_figures(case: &Case) -> Vec<Figure> {
@@ -227,8 +225,8 @@ fn orientation_table(found: &Orientation) -> Markup {
     }
 }
 
-/// What the poses rest on: edges, votes, residuals.
-pub(super) fn quality_figures(case: &Case) -> Vec<Figure> {
+/// What the poses rest on: edges, votes, residuals; over time too where the page is one run's.
+pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
     let quality = &case.quality;
     let size = (WIDTHS[2], 140);
     let mut figures = Vec::new();
@@ -255,7 +253,7 @@ pub(super) fn quality_figures(case: &Case) -> Vec<Figure> {
         ("edges-time", "Edges over time", &quality.edges_trace),
         ("votes-time", "Votes over time", &quality.votes_trace),
     ] {
-        figures.extend(counted(name, title, trace));
+        figures.extend(counted(name, title, trace).filter(|_| !several));
     }
     let Some(lines) = &quality.lines else {
         return figures;
