@@ -110,18 +110,18 @@ pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
     let along = courses::of(
         &track.along,
         axis,
-        "along",
-        "Error along the way",
+        ["along", "Error along the way"],
         size,
         true,
+        several,
     );
     let cross = courses::of(
         &track.cross,
         axis,
-        "cross",
-        "Distance from the way",
+        ["cross", "Distance from the way"],
         size,
         false,
+        several,
     );
     // Where several runs share the page, the distance's numbers have to do.
     let cross = cross.filter(|_| !several);
@@ -171,6 +171,7 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
             trace: &angle.trace,
             factor,
             range: [-limit * factor, limit * factor],
+            step_px: 1,
         };
         let title = format!("Pose − IMU in {name}, less the offset");
         let drawing = figure::over_time(&course, (WIDTHS[2], 140), &title);
@@ -294,6 +295,7 @@ fn counted(name: &str, title: &str, trace: &Trace) -> Option<Figure> {
         trace,
         factor: 1.0,
         range: [0.0, above(top)],
+        step_px: 1,
     };
     let drawing = figure::over_time(&course, (WIDTHS[2], 140), title);
     (top > 0.0).then(|| Figure::new(name, title, "time in s", drawing))
