@@ -1,7 +1,7 @@
 //! report's inputs: the runs and what they are compared with, in an order that cannot deadlock.
 
-use crate::record::{ImuSample, Pose, Segment, TrajectoryPoint};
-use crate::report::{Inertial, Recording, Run, origin};
+use crate::record::{Pose, ReflectorLines, Segment, TrajectoryPoint};
+use crate::report::{Run, origin};
 use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies, read_all};
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -117,14 +117,9 @@ fn whole(mut parts: Vec<Vec<TrajectoryPoint>>) -> Vec<TrajectoryPoint> {
     points
 }
 
-/// A record of an IMU at rest.
-pub(super) fn read_imu(path: &Path, options: &Options) -> anyhow::Result<Inertial> {
-    let mut input: Input<ImuSample> = Input::open(Some(path), options)?;
-    let mut recording = Recording::default();
-    while let Some(sample) = input.next()? {
-        recording.push(sample);
-    }
-    Ok(recording.finish(origin::input_name(path)))
+/// Lines that poses were made from.
+pub(super) fn open_lines(path: &Path, options: &Options) -> anyhow::Result<Input<ReflectorLines>> {
+    Input::open(Some(path), options)
 }
 
 /// True segments and those of every run: first what comes through pipes, all at the same time, then

@@ -1,6 +1,7 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod evaluation;
 mod inputs;
 mod lines;
 mod outputs;

@@ -1,9 +1,11 @@
 //! `report`: poses against a true or desired trajectory.
 
+use super::evaluation::EvaluationArgs;
+use super::pictures::{PictureArgs, parse_maps};
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
-    merge, origin, page, terminal,
+    Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, json, merge,
+    origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::common::{CommonArgs, parse_duration};
@@ -18,6 +20,8 @@ EXAMPLES
       | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
   With a page:
     report --truth truth.csv --html report.html poses.csv
+  Its figures as files, the maps as contours:
+    report --truth truth.csv --svg figures --png figures --maps contours poses.csv
   Two methods side by side:
     report --truth truth.csv joint=poses.csv \\
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
@@ -28,14 +32,25 @@ EXAMPLES
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
+  With the delay, relative errors and what the poses rest on:
+    report --truth truth.csv --rpe 1s --rpe 1m --imu imu.csv --lines lines.csv poses.csv
+  Without the delay, and moved onto the truth:
+    report --truth truth.csv --delay estimate --align se2 poses.csv
   The noise of an IMU at rest, as a page and in numbers:
     report --imu imu.csv --html imu.html --json > imu.json
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
   (n - 1), rms, median, mad (median of |e - median|), p95, p99, max, min (of |e|; percentiles linear
-  between order statistics, as numpy's), sse. Names are paths in --json: x.rms_mm, yaw.p95_deg,
-  x.nees, nees.x_yaw.nees, scans.solved_pct, scans.words.no-edges.
+  between order statistics, as numpy's), sse; rotation is the angle between the orientations. Names are
+  paths in --json: x.rms_mm, yaw.p95_deg, x.nees, nees.x_yaw.nees, scans.solved_pct,
+  scans.words.no-edges, refused.no-edges, rpe.1s.position.rms_mm, along.bias_mm, delay.delay_ms,
+  orientation.yaw.drift_deg_h, quality.residual.upper.rms_mm, input.jumps.
+
+DELAY
+  Positive: the poses are late. It is estimated where the reference moves, with gain and offset of each
+  axis free; the interval of 95 % knows of the correlation of the errors over time. delay.rms_before_mm,
+  rms_after_mm and share_mm say what it makes of the position's error, whatever --delay is.
 
 EXIT STATUS
   0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
@@ -66,17 +81,9 @@ pub struct PoseArgs {
     /// [default: 10ms]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub max_diff: Option<Duration>,
-    /// A record of the IMU at rest: Allan deviations beside the 3DM-GX1's data sheet; alone, or with
-    /// poses
-    #[arg(long, value_name = "FILE")]
-    pub imu: Option<PathBuf>,
-    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
-    /// name in front if wanted (low=z<=3.5); several are scored side by side
-    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
-    pub zones: Vec<Zone>,
-    /// Size of the workspace's cells, m [default: from the data]
-    #[arg(long, value_name = "SIZE")]
-    pub cell_m: Option<f64>,
+    /// Evaluation.
+    #[command(flatten)]
+    pub evaluation: EvaluationArgs,
     /// End with status 4 if the condition holds, as 'x.rms_mm>4.1' or 'joint:yaw.p95_deg>0.2'; several
     /// allowed
     #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
@@ -87,6 +94,12 @@ pub struct PoseArgs {
     /// Write a page with figures
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Pictures.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
+    /// Maps of the workspace as cells, contours or both, in pictures and page
+    #[arg(long, value_name = "HOW", default_value = "cells", value_parser = parse_maps)]
+    pub maps: MapStyle,
     /// Title of the page
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
@@ -117,7 +130,10 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     outputs::refuse_one_place(args.html.as_deref(), table)?;
     let report = make(args, &options)?;
     if let Some(path) = &args.html {
-        outputs::write(path, &page::write(&report))?;
+        outputs::write(path, &page::write(&report, args.maps))?;
+    }
+    if args.pictures.wanted() {
+        args.pictures.write(&page::figures(&report, args.maps))?;
     }
     let text = if args.json {
         json::write(&report)?
@@ -130,15 +146,12 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
 
 /// Reads everything and sums it up.
 fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
-    let inertial = args
-        .imu
-        .as_deref()
-        .map(|path| inputs::read_imu(path, options));
-    let inertial = inertial.transpose()?;
+    let (settings, imu) = args.evaluation.settings(options)?;
     let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
-    if inertial.is_some() && alone {
-        return imu_alone(args, inertial);
-    }
+    let imu = match imu {
+        Some(record) if alone => return imu_alone(args, record.at_rest(&[])),
+        imu => imu,
+    };
     let sources = if args.merge {
         origin::parts(&args.poses)
     } else {
@@ -165,14 +178,11 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
     };
     let reference = Reference::new(points, limits);
-    let settings = Settings {
-        zones: args.zones.clone(),
-        cell_m: args.cell_m,
-    };
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
     let cases = evaluate(runs, &reference, &settings);
+    let inertial = imu.and_then(|record| record.at_rest(&cases));
     let judge = |gate: &Gate| {
         let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
         if cases.is_empty() {
@@ -235,9 +245,13 @@ fn date() -> Option<String> {
 fn style(args: &PoseArgs) -> terminal::Style {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
     let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
+    let bold = terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb");
+    let ascii = args.ascii || !outputs::is_utf8();
+    let wide = set("COLORTERM").is_some_and(|c| c == "truecolor" || c == "24bit");
     terminal::Style {
-        bold: terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb"),
-        ascii: args.ascii || !outputs::is_utf8(),
+        bold,
+        colour: bold && wide && !ascii,
+        ascii,
         all_cells: args.cells,
     }
 }
