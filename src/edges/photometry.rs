@@ -144,10 +144,10 @@ impl Sums {
     /// Adds a beam.
     fn add(&mut self, weight: f64, residual: f64, prediction: &Prediction) {
         let row = &prediction.row;
-        for i in 0..N {
-            let w = weight * row[i];
-            for j in i..N {
-                self.normal[(i, j)] += w * row[j];
+        for (i, own) in row.iter().enumerate() {
+            let w = weight * own;
+            for (j, other) in row.iter().enumerate().skip(i) {
+                self.normal[(i, j)] += w * other;
             }
             self.gradient[i] += w * residual;
             self.footprint[i] += w * prediction.d_footprint;
