@@ -201,7 +201,9 @@ mod tests {
     /// By looking at every line from every beam: the first that it meets, and how far it has to go.
     fn first_met(planes: &[Plane; 3], table: &BeamTable, i: usize) -> Option<(usize, f64)> {
         let reach_m = |k: usize| planes[k].range_m(table.cos_sin[i], table.time_s(i));
-        let ahead = (0..3).map(|k| (k, reach_m(k))).filter(|(_, m)| *m > 0.0 && *m < 1e9);
+        let ahead = (0..3)
+            .map(|k| (k, reach_m(k)))
+            .filter(|(_, m)| *m > 0.0 && *m < 1e9);
         ahead.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
