@@ -7,6 +7,7 @@ mod lines;
 mod outputs;
 mod pictures;
 mod poses;
+mod robot;
 
 use crate::stream::Outcome;
 
@@ -40,6 +41,8 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Finds where a robot's pulleys are, from poses measured where it stood
+    Robot(robot::RobotArgs),
 }
 
 /// Runs the tool.
@@ -50,5 +53,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Robot(args)) => robot::run(&args),
     }
 }
