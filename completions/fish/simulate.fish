@@ -27,6 +27,8 @@ complete -c simulate -l dwell -d 'loop: rest at each end' -r
 complete -c simulate -l wobble-deg -d 'moving: amplitudes of a roll, pitch and yaw that are not desired' -r
 complete -c simulate -l wobble-hz -d 'moving: their frequency' -r
 complete -c simulate -l lag -d 'moving: the truth follows the desired trajectory this much later' -r
+complete -c simulate -l robot -d 'moving: the truth is where the cables of this robot put the platform when its controller, which knows it by this file, wants it on the desired trajectory' -r -F
+complete -c simulate -l robot-real -d 'The robot as it is, where that is not what its controller believes [default: --robot\'s]' -r -F
 complete -c simulate -l model -d 'Scanner model, in place of the frame file\'s' -r
 complete -c simulate -l frequency-hz -d 'Scan frequency [default: the model\'s first mode]' -r
 complete -c simulate -l resolution-deg -d 'Angle from beam to beam [default: the first the frequency goes with]' -r
