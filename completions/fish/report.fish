@@ -51,7 +51,7 @@ complete -c report -n "__fish_report_needs_command" -l to -d 'Leave out records 
 complete -c report -n "__fish_report_needs_command" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
 complete -c report -n "__fish_report_needs_command" -l merge -d 'Files with the same NAME= in front, and those without one, are parts of one run, as those of simulate --shard: together they are what the whole run would have been'
 complete -c report -n "__fish_report_needs_command" -l json -d 'Print JSON in place of the table'
-complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y, z, roll and pitch too'
+complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y and z too'
 complete -c report -n "__fish_report_needs_command" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
 complete -c report -n "__fish_report_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
