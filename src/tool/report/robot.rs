@@ -6,7 +6,7 @@ use crate::record::{Pose, TrajectoryPoint};
 use crate::report::origin;
 use crate::report::robot::Findings;
 use crate::robot::{CalibrationError, Robot, Standing, Unknown, calibrate, places};
-use crate::stream::{Fault, Input, Options, Outcome, Role, read_all};
+use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
 use crate::tool::common::{CommonArgs, parse_duration};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -120,6 +120,10 @@ impl RobotArgs {
 pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
     let (belief, text) = Robot::read_with_text(&args.robot)?;
+    let corrected = args.corrected.as_deref();
+    let corrected = corrected.map(|path| WholeFile::open(Some(path)));
+    let corrected = corrected.transpose()?;
+    let output = WholeFile::open(args.common.output.as_deref())?;
     // Poses first: with stdin, the rest of the pipeline may still be writing the desired trajectory.
     let poses: Vec<Pose> = read_all(args.poses.as_deref(), &options)?;
     let desired = read_desired(&args.desired, &options)?;
@@ -135,7 +139,7 @@ pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
         places: &places,
         calibrated: &calibrated,
     };
-    if let Some(path) = &args.corrected {
+    if let Some(corrected) = corrected {
         let mut text = text;
         for (i, (old, new)) in belief
             .cables
@@ -150,14 +154,14 @@ pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
                     .map_err(|error| Fault::Configuration(error.to_string()))?;
             }
         }
-        outputs::write(path, &text)?;
+        corrected.finish(&text)?;
     }
     let text = if args.json {
         findings.json()?
     } else {
         findings.table(args.ascii || !outputs::is_utf8())
     };
-    outputs::print(&text, args.common.output.as_deref())?;
+    output.finish(&text)?;
     Ok(Outcome::Done)
 }
 
