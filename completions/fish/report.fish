@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_report_global_optspecs
-    string join \n truth= desired= association= max-diff= imu= zone= cell-m= fail-if= json html= title= cells ascii o/output= input-format= skip-bad from= to= q/quiet v/verbose format= h/help V/version
+    string join \n truth= desired= merge association= max-diff= align= delay= rpe= rpe-pairs= zone= cell-m= min-count= imu= f/frame= lines= fail-if= json html= svg= png= maps= title= cells ascii o/output= input-format= skip-bad from= to= q/quiet v/verbose format= h/help V/version
 end
 
 function __fish_report_needs_command
@@ -24,21 +24,32 @@ function __fish_report_using_subcommand
     contains -- $cmd[1] $argv
 end
 
-complete -c report -n "__fish_report_needs_command" -l truth -d 'True trajectory [default: /truth in the first run\'s stream, if that is MCAP]' -r -F
-complete -c report -n "__fish_report_needs_command" -l desired -d 'Desired trajectory, to compare with in place of the truth' -r -F
+complete -c report -n "__fish_report_needs_command" -l truth -d 'True trajectory; several files are parts of one [default: /truth in the first run\'s stream, if that is MCAP]' -r -F
+complete -c report -n "__fish_report_needs_command" -l desired -d 'Desired trajectory, to compare with in place of the truth; several files are parts of one' -r -F
 complete -c report -n "__fish_report_needs_command" -l association -d 'Reference between two of its points: interpolated, or the nearest point' -r
 complete -c report -n "__fish_report_needs_command" -l max-diff -d 'Longest time between points interpolated between [default: three spacings], or to the nearest [default: 10ms]' -r
-complete -c report -n "__fish_report_needs_command" -l imu -d 'A record of the IMU at rest: Allan deviations beside the 3DM-GX1\'s data sheet; alone, or with poses' -r -F
+complete -c report -n "__fish_report_needs_command" -l align -d 'Bring the poses into the reference\'s frame first: none, se2 (yaw and x, y, z), se3, full (se3 that the orientations have a say in), first:N (by the first N poses) or file:PATH (the JSON of an earlier report, or six numbers as TOML)' -r
+complete -c report -n "__fish_report_needs_command" -l delay -d 'The poses\' delay: show (it is estimated and stated, the errors are as measured), none, estimate (the errors are without it) or a time to take out, such as 37ms' -r
+complete -c report -n "__fish_report_needs_command" -l rpe -d 'Relative errors too, between poses so far apart: 1s, 500ms, 1m, 500mm, 10f (poses); several allowed' -r
+complete -c report -n "__fish_report_needs_command" -l rpe-pairs -d 'Pairs of the relative errors: consecutive, or all' -r
 complete -c report -n "__fish_report_needs_command" -l zone -d 'Score only where the reference pose is, as \'z<=3.5\', \'|y|<4,z>=0.5\', \'z:0.5:3.5\' (m, deg), with a name in front if wanted (low=z<=3.5); several are scored side by side' -r
 complete -c report -n "__fish_report_needs_command" -l cell-m -d 'Size of the workspace\'s cells, m [default: from the data]' -r
+complete -c report -n "__fish_report_needs_command" -l min-count -d 'Leave cells of the workspace with fewer poses empty [default: 3; of a grid 1]' -r
+complete -c report -n "__fish_report_needs_command" -l imu -d 'A record of the IMU: orientations and rates are compared with it; of a unit at rest, alone or with poses, Allan deviations beside the 3DM-GX1\'s data sheet' -r -F
+complete -c report -n "__fish_report_needs_command" -s f -l frame -d 'Frame file, for how the IMU is mounted [default: level]' -r -F
+complete -c report -n "__fish_report_needs_command" -l lines -d 'The lines that the poses were made from: residuals and points by face, strips seen' -r -F
 complete -c report -n "__fish_report_needs_command" -l fail-if -d 'End with status 4 if the condition holds, as \'x.rms_mm>4.1\' or \'joint:yaw.p95_deg>0.2\'; several allowed' -r
 complete -c report -n "__fish_report_needs_command" -l html -d 'Write a page with figures' -r -F
+complete -c report -n "__fish_report_needs_command" -l svg -d 'Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)' -r -F
+complete -c report -n "__fish_report_needs_command" -l png -d 'Write each figure as a PNG file into a directory, which is made if need be' -r -F
+complete -c report -n "__fish_report_needs_command" -l maps -d 'Maps of the workspace as cells, contours or both, in pictures and page' -r
 complete -c report -n "__fish_report_needs_command" -l title -d 'Title of the page' -r
 complete -c report -n "__fish_report_needs_command" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
 complete -c report -n "__fish_report_needs_command" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
 complete -c report -n "__fish_report_needs_command" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
 complete -c report -n "__fish_report_needs_command" -l to -d 'Leave out records after TIME' -r
 complete -c report -n "__fish_report_needs_command" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_needs_command" -l merge -d 'Files with the same NAME= in front, and those without one, are parts of one run, as those of simulate --shard: together they are what the whole run would have been'
 complete -c report -n "__fish_report_needs_command" -l json -d 'Print JSON in place of the table'
 complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y and z too'
 complete -c report -n "__fish_report_needs_command" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
