@@ -59,6 +59,7 @@ complete -c report -n "__fish_report_needs_command" -s v -l verbose -d 'Say at t
 complete -c report -n "__fish_report_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c report -n "__fish_report_needs_command" -s V -l version -d 'Print version'
 complete -c report -n "__fish_report_needs_command" -a "lines" -d 'Scores extracted lines against the true ones'
+complete -c report -n "__fish_report_needs_command" -a "robot" -d 'Finds where a robot\'s pulleys are, from poses measured where it stood'
 complete -c report -n "__fish_report_using_subcommand lines" -l truth -d 'True segments' -r -F
 complete -c report -n "__fish_report_using_subcommand lines" -l point-sigma-cm -d 'Gate: noise of a point' -r
 complete -c report -n "__fish_report_using_subcommand lines" -l gate-pct -d 'Gate: probability that a true line passes' -r
@@ -79,3 +80,24 @@ complete -c report -n "__fish_report_using_subcommand lines" -l skip-bad -d 'Cou
 complete -c report -n "__fish_report_using_subcommand lines" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand lines" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand lines" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand robot" -l robot -d 'Robot file: what the controller believes' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l desired -d 'The desired trajectory, CSV or MCAP' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l find -d 'What is looked for: a group of cables and an axis along which all its pulleys are shifted; several allowed' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l corrected -d 'Write the robot file with the pulleys where they were found' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l least -d 'Shortest rest that is a place' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l settle -d 'Poses this close to a rest\'s begin and end do not count' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-mm -d 'Standard deviation of a position that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-deg -d 'Standard deviation of an angle that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-mm -d 'How well the rest of the robot is known, where positions show it (standard deviation)' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-deg -d 'The same for angles' -r
+complete -c report -n "__fish_report_using_subcommand robot" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l json -d 'Print JSON in place of the tables'
+complete -c report -n "__fish_report_using_subcommand robot" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand robot" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand robot" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand robot" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand robot" -s h -l help -d 'Print help (see more with \'--help\')'
