@@ -57,6 +57,7 @@ complete -c extract-lines -l to -d 'Leave out records after TIME' -r
 complete -c extract-lines -l cold -d 'Look for the reflectors anew in every scan, without the scan before as a prediction'
 complete -c extract-lines -l smooth -d 'self: the motion in hindsight, from the scans behind too; reads SCANS, a file, twice'
 complete -c extract-lines -l explain -d 'Write what became of every beam, a row a beam, instead of the lines'
+complete -c extract-lines -l coarse -d 'Stop after the transform, whose best cells are the lines: no edges, y and z to a cell\'s height (Kurniawan 2017, Fig. 5.14); with a frame'
 complete -c extract-lines -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
 complete -c extract-lines -s q -l quiet -d 'No progress bar and no remarks'
 complete -c extract-lines -s v -l verbose -d 'Say at the end how many records came and went'

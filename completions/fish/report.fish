@@ -59,6 +59,10 @@ complete -c report -n "__fish_report_needs_command" -s v -l verbose -d 'Say at t
 complete -c report -n "__fish_report_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c report -n "__fish_report_needs_command" -s V -l version -d 'Print version'
 complete -c report -n "__fish_report_needs_command" -a "lines" -d 'Scores extracted lines against the true ones'
+complete -c report -n "__fish_report_needs_command" -a "frame" -d 'Draws and checks a frame file, and predicts what scans in it can tell'
+complete -c report -n "__fish_report_needs_command" -a "scan" -d 'Draws scans: beams, reflectors, lines, edges, residuals'
+complete -c report -n "__fish_report_needs_command" -a "static" -d 'Standstills of a run: the mean pose of each, its uncertainty, the way home'
+complete -c report -n "__fish_report_needs_command" -a "robot" -d 'Finds where a robot\'s pulleys are, from poses measured where it stood'
 complete -c report -n "__fish_report_using_subcommand lines" -l truth -d 'True segments' -r -F
 complete -c report -n "__fish_report_using_subcommand lines" -l point-sigma-cm -d 'Gate: noise of a point' -r
 complete -c report -n "__fish_report_using_subcommand lines" -l gate-pct -d 'Gate: probability that a true line passes' -r
@@ -79,3 +83,83 @@ complete -c report -n "__fish_report_using_subcommand lines" -l skip-bad -d 'Cou
 complete -c report -n "__fish_report_using_subcommand lines" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand lines" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand lines" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand frame" -l y-range -d 'Workspace: y from and to [default: the middle 77 % of the width]' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l z-range -d 'Workspace: z from and to [default: 9 to 73 % of the height]' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l x-range -d 'x of the poses, from and to' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l tilt-deg -d 'Largest roll, pitch and yaw of the poses, to both sides' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l places -d 'Places along y and z' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l poses -d 'Poses a place' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l edges -d 'What the edges rest on: remission, ranges' -r -f -a "remission\t''
+ranges\t''"
+complete -c report -n "__fish_report_using_subcommand frame" -l sigma-mm -d 'Standard deviation of a range' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l pitch-sigma-deg -d 'Standard deviation of the pitch before the scan; 0 is known' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l frequency-hz -d 'Scan frequency, Hz [default: the model\'s]' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l resolution-deg -d 'Angular resolution, deg [default: the model\'s]' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l fail-if -d 'End with status 4 if the condition holds, as \'x.sigma_mm>3\'; several allowed' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l html -d 'Write a page with drawings and maps' -r -F
+complete -c report -n "__fish_report_using_subcommand frame" -l title -d 'Title of the page' -r
+complete -c report -n "__fish_report_using_subcommand frame" -l svg -d 'Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)' -r -F
+complete -c report -n "__fish_report_using_subcommand frame" -l png -d 'Write each figure as a PNG file into a directory, which is made if need be' -r -F
+complete -c report -n "__fish_report_using_subcommand frame" -s o -l output -d 'Write the text to FILE instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand frame" -l json -d 'Print JSON in place of the text'
+complete -c report -n "__fish_report_using_subcommand frame" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand frame" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand scan" -l lines -d 'What extract-lines found in them [default: /lines of the same stream, if that is MCAP]' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -s f -l frame -d 'Frame file: draw its reflectors too, as the poses of --poses have them' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -l poses -d 'Poses of the scans' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -s n -l n -d 'Scans to draw, from the first on; a page grows by about 60 kB with each' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l seq -d 'Begin with the scan of this sequence number' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l html -d 'Write a page' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -l title -d 'Title of the page' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l svg -d 'Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -l png -d 'Write each figure as a PNG file into a directory, which is made if need be' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand scan" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand scan" -l json -d 'Print JSON in place of the text'
+complete -c report -n "__fish_report_using_subcommand scan" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand scan" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand scan" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand scan" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand scan" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand static" -l home -d 'Correct to this pose: x, y, z in m, and roll, pitch, yaw in deg if wanted' -r
+complete -c report -n "__fish_report_using_subcommand static" -l desired -d 'Correct to where this trajectory is at the time' -r -F
+complete -c report -n "__fish_report_using_subcommand static" -l least -d 'Shortest standstill' -r
+complete -c report -n "__fish_report_using_subcommand static" -l still-mm-s -d 'Slower than this is standing, however exactly the poses could tell' -r
+complete -c report -n "__fish_report_using_subcommand static" -l still-deg-s -d 'The same for the angles' -r
+complete -c report -n "__fish_report_using_subcommand static" -l fail-if -d 'End with status 4 if the condition holds, as \'x.sigma_mm>1\' or \'standing<11\'; several allowed' -r
+complete -c report -n "__fish_report_using_subcommand static" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand static" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand static" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand static" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand static" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand static" -l json -d 'Print JSON in place of the table'
+complete -c report -n "__fish_report_using_subcommand static" -l csv -d 'Print CSV in place of the table, a row a standstill'
+complete -c report -n "__fish_report_using_subcommand static" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand static" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand static" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand static" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand static" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand robot" -l robot -d 'Robot file: what the controller believes' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l desired -d 'The desired trajectory, CSV or MCAP' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l find -d 'What is looked for: a group of cables and an axis along which all its pulleys are shifted; several allowed' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l corrected -d 'Write the robot file with the pulleys where they were found' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l least -d 'Shortest rest that is a place' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l settle -d 'Poses this close to a rest\'s begin and end do not count' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-mm -d 'Standard deviation of a position that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-deg -d 'Standard deviation of an angle that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-mm -d 'How well the rest of the robot is known, where positions show it (standard deviation)' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-deg -d 'The same for angles' -r
+complete -c report -n "__fish_report_using_subcommand robot" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l json -d 'Print JSON in place of the tables'
+complete -c report -n "__fish_report_using_subcommand robot" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand robot" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand robot" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand robot" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand robot" -s h -l help -d 'Print help (see more with \'--help\')'

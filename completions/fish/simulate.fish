@@ -27,6 +27,8 @@ complete -c simulate -l dwell -d 'loop: rest at each end' -r
 complete -c simulate -l wobble-deg -d 'moving: amplitudes of a roll, pitch and yaw that are not desired' -r
 complete -c simulate -l wobble-hz -d 'moving: their frequency' -r
 complete -c simulate -l lag -d 'moving: the truth follows the desired trajectory this much later' -r
+complete -c simulate -l robot -d 'moving: the truth is where the cables of this robot put the platform when its controller, which knows it by this file, wants it on the desired trajectory' -r -F
+complete -c simulate -l robot-real -d 'The robot as it is, where that is not what its controller believes [default: --robot\'s]' -r -F
 complete -c simulate -l model -d 'Scanner model, in place of the frame file\'s' -r
 complete -c simulate -l frequency-hz -d 'Scan frequency [default: the model\'s first mode]' -r
 complete -c simulate -l resolution-deg -d 'Angle from beam to beam [default: the first the frequency goes with]' -r
@@ -38,7 +40,7 @@ complete -c simulate -l desired -d 'Write the desired trajectory at the same ins
 complete -c simulate -l imu -d 'Write the IMU samples' -r -F
 complete -c simulate -l imu-rate-hz -d 'IMU samples a second [default: one at each scan\'s reference instant]' -r
 complete -c simulate -l imu-axes -d 'Axes of the IMU samples: platform, or ned as the device sends them' -r
-complete -c simulate -l jobs -d 'Make so many scans side by side; the bytes are the same for any number [default: one a core]' -r
+complete -c simulate -l jobs -d 'Make so many scans side by side; the records are the same for any number, to the byte [default: one a core]' -r
 complete -c simulate -l shard -d 'Make only the I-th of N equal parts of the run, the same bytes as in the whole run (without its header); counted from 1' -r
 complete -c simulate -l dilution-pitch-sigma-deg -d 'Standard deviation of the pitch before the scan; 0 is known' -r
 complete -c simulate -l dilution-poses -d 'Poses a cell' -r

@@ -64,6 +64,7 @@ mod tests {
         let apart = cases(vec![whole, other]);
         let mut together = cases(merged);
         together[0].source.clone_from(&apart[0].source);
-        assert_eq!(together, apart);
+        // As text: what has no value is no number, and that is not equal to itself.
+        assert!(format!("{together:?}") == format!("{apart:?}"));
     }
 }

@@ -1,6 +1,7 @@
 //! What a run of poses is worth: its error against a true or desired trajectory, per component,
 //! over time and over the workspace; whether its covariances are honest; what became of every scan.
-//! And what extracted lines are worth ([`lines`]).
+//! And what extracted lines are worth ([`lines`]), where a run stands ([`standing`]), what one scan
+//! looks like ([`scan`]) and what a frame allows ([`frame`]).
 //!
 //! The way through the room:
 //!
@@ -26,8 +27,10 @@ mod case;
 mod consistency;
 pub mod dilution;
 mod disorder;
+mod drafting;
 mod evaluate;
 mod figure;
+pub mod frame;
 mod gate;
 mod gathered;
 mod inertial;
@@ -48,8 +51,10 @@ mod quality;
 mod relative;
 pub mod robot;
 mod scale;
+pub mod scan;
 mod scans;
 mod stability;
+pub mod standing;
 mod statistics;
 pub mod terminal;
 mod trace;

@@ -2,12 +2,15 @@
 //! or desired trajectory; each subcommand is a file of its own.
 
 mod evaluation;
+mod frame;
 mod inputs;
 mod lines;
 mod outputs;
 mod pictures;
 mod poses;
 mod robot;
+mod scan;
+mod standing;
 
 use crate::stream::Outcome;
 
@@ -41,6 +44,12 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Draws and checks a frame file, and predicts what scans in it can tell
+    Frame(frame::FrameArgs),
+    /// Draws scans: beams, reflectors, lines, edges, residuals
+    Scan(scan::ScanArgs),
+    /// Standstills of a run: the mean pose of each, its uncertainty, the way home
+    Static(standing::StandingArgs),
     /// Finds where a robot's pulleys are, from poses measured where it stood
     Robot(robot::RobotArgs),
 }
@@ -53,6 +62,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Frame(args)) => frame::run(&args),
+        Some(Subject::Scan(args)) => scan::run(&args),
+        Some(Subject::Static(args)) => standing::run(&args),
         Some(Subject::Robot(args)) => robot::run(&args),
     }
 }
