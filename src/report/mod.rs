@@ -19,6 +19,7 @@ mod axis;
 mod canvas;
 mod case;
 mod consistency;
+pub mod diff;
 pub mod dilution;
 mod figure;
 mod gate;

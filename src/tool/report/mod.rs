@@ -1,6 +1,8 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod convert;
+mod diff;
 mod inputs;
 mod lines;
 mod outputs;
@@ -38,6 +40,10 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Compares two files of records
+    Diff(diff::DiffArgs),
+    /// Writes records in another encoding, several files into one, one into several
+    Convert(convert::ConvertArgs),
 }
 
 /// Runs the tool.
@@ -48,5 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Diff(args)) => diff::run(&args),
+        Some(Subject::Convert(args)) => convert::run(&args),
     }
 }
