@@ -15,7 +15,8 @@ const ROWS: usize = 200;
 /// A moving run of ROWS poses at 50 Hz in poses.csv, and its truth, made here to be exact.
 fn a_run(name: &str) -> PathBuf {
     let dir = scratch(name);
-    let mut poses = "stamp_ns,seq,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad,cov_x_x,status\n".to_owned();
+    let mut poses =
+        "stamp_ns,seq,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad,cov_x_x,status\n".to_owned();
     let mut truth = "stamp_ns,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n".to_owned();
     for i in 0..ROWS {
         let stamp = 1_700_000_000_000_000_000 + i as i64 * 20_000_000;
@@ -95,7 +96,11 @@ fn a_number_that_is_missing() {
         &[],
     );
     let skipped = report(&dir, "--skip-bad odd.csv").expect(3);
-    says(&skipped, &["odd.csv: 1 bad record skipped"], &["1 scan has no row"]);
+    says(
+        &skipped,
+        &["odd.csv: 1 bad record skipped"],
+        &["1 scan has no row"],
+    );
     // A NaN that is written out is none of our numbers.
     odd(&dir, |i, fields| {
         if i == 7 {
@@ -137,7 +142,10 @@ fn rows_out_of_order() {
         &["1 row is out of order in time; it was sorted in"],
     );
     let found = input(&dir);
-    assert_eq!((&found["unsorted"], &found["jumps"]), (&1.into(), &0.into()));
+    assert_eq!(
+        (&found["unsorted"], &found["jumps"]),
+        (&1.into(), &0.into())
+    );
 }
 
 #[test]
@@ -162,7 +170,10 @@ fn a_gap_is_no_jump_of_the_clock() {
     says(
         &ended,
         &[],
-        &["20 scans have no row", "rows are missing in time: once, up to 0.420 s"],
+        &[
+            "20 scans have no row",
+            "rows are missing in time: once, up to 0.420 s",
+        ],
     );
     let found = input(&dir);
     assert_eq!((&found["gaps"], &found["jumps"]), (&1.into(), &0.into()));
@@ -176,10 +187,15 @@ fn a_gap_is_no_jump_of_the_clock() {
         });
         let line = "LC_ALL=C.UTF-8 report --truth truth.csv odd.csv";
         let ended = sh(&dir, line).expect(3);
-        let words = format!("the stamps jump against the sequence numbers: once, by up to {seconds} s");
+        let words =
+            format!("the stamps jump against the sequence numbers: once, by up to {seconds} s");
         says(&ended, &["odd: jumps of the clock: 1"], &[&words]);
         let found = input(&dir);
-        assert_eq!((&found["jumps"], &found["unsorted"]), (&1.into(), &unsorted.into()), "{found}");
+        assert_eq!(
+            (&found["jumps"], &found["unsorted"]),
+            (&1.into(), &unsorted.into()),
+            "{found}"
+        );
     }
 }
 
@@ -189,7 +205,8 @@ fn an_alignment_that_the_motion_does_not_give() {
     // A straight line says nothing of the turn about it; standing says nothing of any.
     for (name, place) in [("line", "0,{i}e-2,2"), ("stand", "0,1,2")] {
         let file = |off: &str| {
-            let mut text = "stamp_ns,seq,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad,status\n".to_owned();
+            let mut text =
+                "stamp_ns,seq,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad,status\n".to_owned();
             for i in 0..100i64 {
                 let place = place.replace("{i}", &i.to_string());
                 let stamp = 1_700_000_000_000_000_000 + i * 20_000_000;
@@ -218,9 +235,17 @@ fn an_alignment_that_the_motion_does_not_give() {
 fn nothing_one_pose_and_no_overlap() {
     let dir = a_run("verdict-few");
     fs::write(dir.join("odd.csv"), "").unwrap();
-    says(&report(&dir, "odd.csv").expect(65), &["odd.csv: empty: pose records start with a header row"], &[]);
+    says(
+        &report(&dir, "odd.csv").expect(65),
+        &["odd.csv: empty: pose records start with a header row"],
+        &[],
+    );
     sh(&dir, "head -1 poses.csv > odd.csv").expect(0);
-    says(&report(&dir, "odd.csv").expect(3), &["odd: nothing to compare: there are no poses"], &[]);
+    says(
+        &report(&dir, "odd.csv").expect(3),
+        &["odd: nothing to compare: there are no poses"],
+        &[],
+    );
     says(
         &sh(&dir, "head -1 truth.csv | report --truth - poses.csv").expect(3),
         &["poses: nothing to compare: the reference has no points"],
@@ -229,10 +254,17 @@ fn nothing_one_pose_and_no_overlap() {
     sh(&dir, "head -2 poses.csv > odd.csv").expect(0);
     let one = report(&dir, "odd.csv").expect(0);
     says(&one, &[], &["1 poses matched"]);
-    assert!(!one.text().to_lowercase().contains("nan") && !one.text().contains("inf"), "{}", one.text());
+    assert!(
+        !one.text().to_lowercase().contains("nan") && !one.text().contains("inf"),
+        "{}",
+        one.text()
+    );
     for option in ["--json", "--csv", "--markdown", "--latex"] {
         let ended = report(&dir, &format!("{option} odd.csv")).expect(0);
-        assert!(!ended.text().contains("NaN") && !ended.text().contains("inf"), "{option}");
+        assert!(
+            !ended.text().contains("NaN") && !ended.text().contains("inf"),
+            "{option}"
+        );
     }
     odd(&dir, |_, fields| {
         fields[0] = shifted(&fields[0], 60_000_000_000);
@@ -240,7 +272,10 @@ fn nothing_one_pose_and_no_overlap() {
     });
     says(
         &report(&dir, "odd.csv").expect(3),
-        &["odd: nothing to compare: the poses (17", "do not overlap in time"],
+        &[
+            "odd: nothing to compare: the poses (17",
+            "do not overlap in time",
+        ],
         &[],
     );
 }
@@ -265,7 +300,11 @@ fn every_statistic_can_be_a_limit() {
     }
     assert!(with_value > 200, "{with_value}");
     let ended = report(&dir, &format!("{options} {gates}")).expect(if without > 0 { 4 } else { 0 });
-    let failed = ended.stderr.lines().filter(|line| line.contains("has no value")).count();
+    let failed = ended
+        .stderr
+        .lines()
+        .filter(|line| line.contains("has no value"))
+        .count();
     assert_eq!(failed, without, "{}", ended.stderr);
     assert_eq!(ended.stderr.lines().count(), without, "{}", ended.stderr);
 }
@@ -280,7 +319,11 @@ fn limits_hold_for_every_run_or_for_one() {
     let runs = "good=poses.csv bad=odd.csv";
     for (gate, status, words) in [
         ("x.rms_mm>100", 0, ""),
-        ("x.rms_mm>5", 4, "report: bad: x.rms_mm is 15.8114, 10.8114 beyond the limit 5"),
+        (
+            "x.rms_mm>5",
+            4,
+            "report: bad: x.rms_mm is 15.8114, 10.8114 beyond the limit 5",
+        ),
         ("good:x.rms_mm>5", 0, ""),
         ("x.rms_mm>1", 4, "report: good: x.rms_mm is 1.5811"),
         ("rpe.1s.x.rms_mm>1", 4, "rpe.1s.x.rms_mm has no value"),

@@ -92,6 +92,8 @@ impl Matching {
     }
 }
 
+/// Points looked at one by one before the search for an instant begins anew.
+const NEAR: usize = 8;
 /// Nearest association's default limit, s.
 const NEAREST_S: f64 = 0.010;
 /// Default limit of a gap, in median spacings.
@@ -164,6 +166,11 @@ impl Reference {
         Some((self.points.first()?.stamp, self.points.last()?.stamp))
     }
 
+    /// The points, in order of time.
+    pub(super) fn points(&self) -> &[TrajectoryPoint] {
+        &self.points
+    }
+
     /// How instants between two points are met.
     pub fn association(&self) -> Association {
         self.limits.association
@@ -179,7 +186,16 @@ impl Reference {
     /// # Errors
     /// [`Unmatched`] where the reference does not say where the platform was.
     pub fn at(&self, stamp: Stamp) -> Result<([f64; 6], Match), Unmatched> {
-        let next = self.points.partition_point(|p| p.stamp < stamp);
+        self.at_next(&mut 0, stamp)
+    }
+
+    /// As [`Reference::at`], for stamps that mostly grow: the search begins where the last one ended.
+    pub(super) fn at_next(
+        &self,
+        place: &mut usize,
+        stamp: Stamp,
+    ) -> Result<([f64; 6], Match), Unmatched> {
+        let next = self.next(place, stamp);
         let after = self.points.get(next);
         if let Some(point) = after.filter(|p| p.stamp == stamp) {
             return Ok((components(point), Match::Exact));
@@ -191,6 +207,68 @@ impl Reference {
                 (Some(a), Some(b)) => self.between(stamp, a, b),
                 _ => Err(Unmatched::Outside),
             },
+        }
+    }
+
+    /// Index of the first point that is not before `stamp`.
+    pub(super) fn next(&self, place: &mut usize, stamp: Stamp) -> usize {
+        let before = |i: usize| self.points.get(i).is_some_and(|p| p.stamp < stamp);
+        let mut next = *place;
+        let begun = next.checked_sub(1).is_none_or(before);
+        for _ in 0..NEAR {
+            if begun && before(next) {
+                next += 1;
+            }
+        }
+        if !begun || before(next) {
+            next = self.points.partition_point(|p| p.stamp < stamp);
+        }
+        *place = next;
+        next
+    }
+
+    /// The reference's velocity at `stamp`, m/s, as the trajectory says it or as its points move on;
+    /// NaN where they do not: at a gap, a jump and outside.
+    pub(super) fn velocity_m_s(&self, place: &mut usize, stamp: Stamp) -> [f64; 3] {
+        let next = self.next(place, stamp);
+        let joined = |i: usize| {
+            let (a, b) = (self.points.get(i)?, self.points.get(i + 1)?);
+            (b.stamp - a.stamp <= self.gap_ns && !jumps(a, b)).then_some((a, b))
+        };
+        let chord = |(a, b): (&TrajectoryPoint, &TrajectoryPoint)| {
+            let dt = b.stamp.since_s(a.stamp);
+            [0, 1, 2].map(|i| (b.position_m[i] - a.position_m[i]) / dt)
+        };
+        let behind = next.checked_sub(1).and_then(joined);
+        if self.points.get(next).is_none_or(|p| p.stamp != stamp) {
+            let Some((a, b)) = behind else {
+                return [f64::NAN; 3];
+            };
+            if !known_velocities(a, b) {
+                return chord((a, b));
+            }
+            let dt = b.stamp.since_s(a.stamp);
+            let s = stamp.since_s(a.stamp) / dt;
+            return [0, 1, 2].map(|i| {
+                let (u, v) = (a.velocity_m_s[i], b.velocity_m_s[i]);
+                let way = (b.position_m[i] - a.position_m[i]) / dt;
+                // The derivative of Hermite's cubic.
+                u + s * (2.0 * (3.0 * way - 2.0 * u - v) + 3.0 * s * (u + v - 2.0 * way))
+            });
+        }
+        // At a point: its own velocity, if the platform moves on to one of its neighbours.
+        match (behind, joined(next)) {
+            (None, None) => [f64::NAN; 3],
+            (Some((_, point)), _) | (None, Some((point, _)))
+                if point.velocity_m_s.iter().all(|v| v.is_finite()) =>
+            {
+                point.velocity_m_s
+            }
+            (Some(one), Some(other)) => {
+                let (one, other) = (chord(one), chord(other));
+                [0, 1, 2].map(|i| 0.5 * (one[i] + other[i]))
+            }
+            (Some(only), None) | (None, Some(only)) => chord(only),
         }
     }
 
@@ -362,6 +440,54 @@ mod tests {
         for ns in [MS, 77 * MS, 501 * MS + 3, 759 * MS] {
             let (got, _) = x_at(&reference, ns).unwrap();
             assert!((got - x(ns as f64 * 1e-9)).abs() < 1e-12, "{ns}: {got}");
+        }
+    }
+
+    #[test]
+    fn velocities_are_those_of_the_motion() {
+        let x = |t: f64| 0.3 + 2.0 * t - 4.0 * t * t + 3.0 * t * t * t;
+        let v = |t: f64| 2.0 - 8.0 * t + 9.0 * t * t;
+        let points: Vec<_> = (0..20)
+            .map(|i| point(i * 40 * MS, x(0.04 * i as f64), v(0.04 * i as f64)))
+            .collect();
+        let reference = Reference::new(points.clone(), Limits::default());
+        let mut bare = points.clone();
+        bare.iter_mut().for_each(|p| p.velocity_m_s = [f64::NAN; 3]);
+        let bare = Reference::new(bare, Limits::default());
+        let mut place = 0;
+        for ns in [40 * MS, 77 * MS, 501 * MS + 3, 320 * MS, 759 * MS] {
+            let t = ns as f64 * 1e-9;
+            let [got, ..] = reference.velocity_m_s(&mut place, Stamp::from_ns(ns));
+            assert!((got - v(t)).abs() < 1e-9, "{ns}: {got}");
+            let [got, ..] = bare.velocity_m_s(&mut 7, Stamp::from_ns(ns));
+            assert!((got - v(t)).abs() < 0.25, "{ns}: {got} for {}", v(t));
+        }
+        let [outside, ..] = reference.velocity_m_s(&mut place, Stamp::from_ns(10_000 * MS));
+        assert!(outside.is_nan());
+        let grid: Vec<_> = (0..5)
+            .map(|i| point(i * 28 * MS, 0.2 * i as f64, 0.0))
+            .collect();
+        let grid = Reference::new(grid, Limits::default());
+        assert!(grid.velocity_m_s(&mut 0, Stamp::from_ns(28 * MS))[0].is_nan());
+    }
+
+    #[test]
+    fn a_search_that_goes_on_finds_what_one_from_the_start_does() {
+        let points: Vec<_> = (0..500)
+            .map(|i| point(i * 10 * MS, i as f64 * 0.01, 1.0))
+            .collect();
+        let reference = Reference::new(points, Limits::default());
+        let mut place = 0;
+        let ns = (0..900i64)
+            .map(|i| i * 7 * MS)
+            .chain([MS, 4000 * MS, 3999 * MS, 0, 4990 * MS]);
+        for ns in ns {
+            let stamp = Stamp::from_ns(ns);
+            assert_eq!(
+                reference.at_next(&mut place, stamp),
+                reference.at(stamp),
+                "{ns}"
+            );
         }
     }
 

@@ -36,8 +36,9 @@ const fn angle(name: &'static str) -> Axis {
 }
 
 /// The six components in the order of [`crate::record::POSE_STATE`], then the distance between
-/// the measured and the reference position.
-pub const AXES: [Axis; 7] = [
+/// the measured and the reference position, then the angle of the rotation between the two
+/// orientations.
+pub const AXES: [Axis; 8] = [
     length("x"),
     length("y"),
     length("z"),
@@ -45,7 +46,10 @@ pub const AXES: [Axis; 7] = [
     angle("pitch"),
     angle("yaw"),
     length("position"),
+    angle("rotation"),
 ];
 
 /// Where the position's distance is in [`AXES`].
 pub(super) const POSITION: usize = 6;
+/// Where the rotation's angle is.
+pub(super) const ROTATION: usize = 7;

@@ -27,6 +27,10 @@ pub fn lines(report: &Report) -> Vec<String> {
         let name = format!("{} ({})", report.role, report.reference_source);
         add(name, &report.reference_stages);
     }
-    lines.push(format!("{}  # report {}", report.command, env!("CARGO_PKG_VERSION")));
+    lines.push(format!(
+        "{}  # report {}",
+        report.command,
+        env!("CARGO_PKG_VERSION")
+    ));
     lines
 }

@@ -4,7 +4,7 @@
 //! has only its plot, its ticks and, where it has colours, their scale.
 
 use super::axis::Axis;
-use super::canvas::{DrawResult, Hover, Sheet, UNIT, figure, ink};
+use super::canvas::{DrawResult, Drawing, Hover, Sheet, UNIT, figure, ink};
 use super::number::fixed;
 use super::scale::{above, sign_colour, size_colour, ticks};
 use super::statistics::Statistics;
@@ -123,7 +123,7 @@ pub(super) fn over_time(
     limit: f64,
     (width, height): (u32, u32),
     label: &str,
-) -> String {
+) -> Drawing {
     figure((width, height), label, |sheet, _| {
         let top = limit * axis.factor;
         let plot = plot(
@@ -212,7 +212,7 @@ pub(super) fn histogram(
     axis: &Axis,
     size: (u32, u32),
     label: &str,
-) -> String {
+) -> Drawing {
     figure(size, label, |sheet, hover| {
         let limit = histogram.limit * axis.factor;
         let width = 2.0 * limit / histogram.bins.len().max(1) as f64;
@@ -278,12 +278,12 @@ pub(super) struct LogSeries {
 }
 
 /// Colours of x, y and z, told apart by those who see fewer colours too, and of a limit.
-pub(super) const TRIPLE: [RGBColor; 3] = [ink::SERIES, ink::OTHER, RGBColor(0, 158, 115)];
+pub(super) const TRIPLE: [RGBColor; 3] = [ink::SERIES, ink::OTHER, ink::THIRD];
 /// The colour of a line to compare with.
 pub(super) const LIMIT: RGBColor = ink::MARK;
 
 /// Lines over two logarithmic scales, with a grid at the powers of ten.
-pub(super) fn log_log(series: &[LogSeries], size: (u32, u32), label_text: &str) -> String {
+pub(super) fn log_log(series: &[LogSeries], size: (u32, u32), label_text: &str) -> Drawing {
     figure(size, label_text, |sheet, hover| {
         let ends = |pick: fn(&(f64, f64)) -> f64| {
             let values = series.iter().flat_map(|s| s.points.iter().map(pick));
@@ -349,7 +349,7 @@ fn power_of_ten(power: i32) -> String {
 }
 
 /// An error's course in a few pixels, for a row of a table.
-pub(super) fn sparkline(values: &[f64]) -> String {
+pub(super) fn sparkline(values: &[f64]) -> Drawing {
     figure((100, 20), "over the run", |sheet, _| {
         let known: Vec<(f64, f64)> = values
             .iter()
@@ -394,7 +394,7 @@ fn heat_height(layout: &Layout, width: u32) -> u32 {
 }
 
 /// Errors over the workspace: y to the right, z up.
-pub(super) fn heat_map(heat: &Heat<'_>, width: u32, label: &str) -> String {
+pub(super) fn heat_map(heat: &Heat<'_>, width: u32, label: &str) -> Drawing {
     let height = heat_height(&heat.layout, width);
     figure((width, height), label, |sheet, hover| {
         let layout = &heat.layout;

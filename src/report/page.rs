@@ -3,11 +3,13 @@
 //! Its size does not depend on the run's length: figures are made from what a [`Case`] keeps.
 
 use super::axis::{AXES, Axis, POSITION};
+use super::canvas::Drawing;
 use super::case::{AxisResult, Case, Report};
 use super::consistency::Consistency;
 use super::figure::{self, Heat};
 use super::inertial::outputs;
 use super::number::{NONE, change, count, fixed};
+use super::picture::Figure;
 use super::terminal::{ComparisonRow, comparison_rows, matching_line, run_line};
 use super::workspace::{CELL_AXES, Cell, Cells};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -23,51 +25,55 @@ const STATUSES: usize = 12;
 pub fn write(report: &Report) -> String {
     let one = report.cases.len() == 1;
     let posed = !report.cases.is_empty();
+    let body = html! {
+        h1 { (report.title) }
+        (provenance_line(report))
+        @if let [case] = report.cases.as_slice() { (cards(case)) }
+        @if posed && !one { h2 { "Side by side" } (comparison(&report.cases)) }
+        @if !report.verdicts.is_empty() { (gates(report)) }
+        @if posed {
+            h2 { "Errors" }
+            @for case in &report.cases {
+                @if !one { h3 { (case.name()) } }
+                (error_table(case))
+            }
+            (workspace(&report.cases))
+            (over_time(&report.cases))
+            (distributions(&report.cases))
+            h2 { "Covariances" }
+            p {
+                "Mean of the squared error over its variance, per degree of freedom (1 is honest, \
+                 above is too confident), with the 95 % band for the effective number of \
+                 independent poses; share of errors within 1, 2 and 3 σ."
+            }
+            @for case in &report.cases {
+                @if !one { h3 { (case.name()) } }
+                (consistency_table(case))
+            }
+            h2 { "Scans" }
+            @for case in &report.cases {
+                @if !one { h3 { (case.name()) } }
+                (scan_table(case))
+            }
+        }
+        @if let Some(inertial) = &report.inertial { (outputs::section(inertial)) }
+        (how(report))
+    };
+    document(&report.title, &body)
+}
+
+/// A page around `body` with the style of every page: nothing is fetched, no script runs.
+pub(super) fn document(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width,initial-scale=1";
-                title { (report.title) }
+                title { (title) }
                 style { (PreEscaped(include_str!("page.css"))) }
             }
-            body {
-                main {
-                    h1 { (report.title) }
-                    (provenance_line(report))
-                    @if let [case] = report.cases.as_slice() { (cards(case)) }
-                    @if posed && !one { h2 { "Side by side" } (comparison(&report.cases)) }
-                    @if !report.verdicts.is_empty() { (gates(report)) }
-                    @if posed {
-                        h2 { "Errors" }
-                        @for case in &report.cases {
-                            @if !one { h3 { (case.name()) } }
-                            (error_table(case))
-                        }
-                        (workspace(&report.cases))
-                        (over_time(&report.cases))
-                        (distributions(&report.cases))
-                        h2 { "Covariances" }
-                        p {
-                            "Mean of the squared error over its variance, per degree of freedom (1 is honest, \
-                             above is too confident), with the 95 % band for the effective number of \
-                             independent poses; share of errors within 1, 2 and 3 σ."
-                        }
-                        @for case in &report.cases {
-                            @if !one { h3 { (case.name()) } }
-                            (consistency_table(case))
-                        }
-                        h2 { "Scans" }
-                        @for case in &report.cases {
-                            @if !one { h3 { (case.name()) } }
-                            (scan_table(case))
-                        }
-                    }
-                    @if let Some(inertial) = &report.inertial { (outputs::section(inertial)) }
-                    (how(report))
-                }
-            }
+            body { main { (body) } }
         }
     };
     let mut text = page.into_string();
@@ -180,7 +186,7 @@ fn error_table(case: &Case) -> Markup {
                         @for value in [s.bias, s.std, s.rms, s.median, s.mad, s.p95, s.p99, s.max] {
                             td { (fixed(value, axis.decimals)) }
                         }
-                        td { (PreEscaped(figure::sparkline(&result.trace.means(100)))) }
+                        td { (PreEscaped(figure::sparkline(&result.trace.means(100)).svg())) }
                     }
                 }
             }
@@ -189,8 +195,8 @@ fn error_table(case: &Case) -> Markup {
 }
 
 /// A figure with its title at the left and its unit at the right.
-fn titled(title: &str, unit: &str, svg: String) -> Markup {
-    html! { figure { figcaption { (title) span { (unit) } } (PreEscaped(svg)) } }
+fn titled(title: &str, unit: &str, drawing: Drawing) -> Markup {
+    Figure::new(title, title, unit, drawing).markup()
 }
 
 /// What one heat map shows.

@@ -37,17 +37,13 @@ impl Statistics {
         let bias = errors.iter().sum::<f64>() / count;
         let sse = errors.iter().map(|e| e * e).sum::<f64>();
         let about_bias = errors.iter().map(|e| (e - bias).powi(2)).sum::<f64>();
-        errors.sort_unstable_by(f64::total_cmp);
-        let median = percentile(errors, 50.0);
-        // The order is not needed any more, so that the same memory serves the absolute values.
-        for e in errors.iter_mut() {
-            *e -= median;
-        }
-        let mad = percentile_of_absolute(errors, 50.0);
-        for e in errors.iter_mut() {
-            *e += median;
-        }
-        absolute_in_order(errors);
+        let median = percentile_of(errors, 50.0);
+        let mut about_median: Vec<f64> = errors.iter().map(|e| (e - median).abs()).collect();
+        let mad = percentile_of(&mut about_median, 50.0);
+        drop(about_median);
+        errors.iter_mut().for_each(|e| *e = e.abs());
+        let extreme = |pick: fn(f64, f64) -> f64| errors.iter().copied().reduce(pick);
+        let (min, max) = (extreme(f64::min), extreme(f64::max));
         Statistics {
             n,
             bias,
@@ -59,10 +55,10 @@ impl Statistics {
             rms: (sse / count).sqrt(),
             median,
             mad,
-            p95: percentile(errors, 95.0),
-            p99: percentile(errors, 99.0),
-            max: errors.last().copied().unwrap_or(f64::NAN),
-            min: errors.first().copied().unwrap_or(f64::NAN),
+            p95: percentile_of(errors, 95.0),
+            p99: percentile_of(errors, 99.0),
+            max: max.unwrap_or(f64::NAN),
+            min: min.unwrap_or(f64::NAN),
             sse: if n > 0 { sse } else { f64::NAN },
         }
     }
@@ -86,17 +82,19 @@ impl Statistics {
     }
 }
 
-fn percentile_of_absolute(values: &[f64], percent: f64) -> f64 {
-    let mut absolute: Vec<f64> = values.iter().map(|v| v.abs()).collect();
-    absolute.sort_unstable_by(f64::total_cmp);
-    percentile(&absolute, percent)
-}
-
-fn absolute_in_order(values: &mut [f64]) {
-    for v in values.iter_mut() {
-        *v = v.abs();
+/// The [`percentile`] of values in any order, which it changes: only the two order statistics that
+/// matter are looked for.
+pub(super) fn percentile_of(values: &mut [f64], percent: f64) -> f64 {
+    let Some(last) = values.len().checked_sub(1) else {
+        return f64::NAN;
+    };
+    let place = (percent / 100.0).clamp(0.0, 1.0) * last as f64;
+    let below = place.floor() as usize;
+    let (_, a, above) = values.select_nth_unstable_by(below, f64::total_cmp);
+    match above.iter().copied().reduce(f64::min) {
+        Some(b) => *a + (b - *a) * (place - below as f64),
+        None => *a,
     }
-    values.sort_unstable_by(f64::total_cmp);
 }
 
 /// The `percent`th percentile of `sorted` values: linear between the two neighbouring order
@@ -180,6 +178,18 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_percentile_needs_no_order(
+            values in prop::collection::vec(-1e3f64..1e3, 1..60), percent in 0.0f64..100.0
+        ) {
+            let mut sorted = values.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            for percent in [percent, 0.0, 50.0, 100.0] {
+                let found = percentile_of(&mut values.clone(), percent);
+                prop_assert_eq!(found, percentile(&sorted, percent));
+            }
+        }
+
         #[test]
         fn rms_is_bias_and_spread(mut errors in prop::collection::vec(-1e3f64..1e3, 2..200)) {
             let s = Statistics::of(&mut errors);

@@ -34,7 +34,9 @@ pub fn csv(report: &Report) -> Result<String, csv::Error> {
             out.write_record([&inertial.source, "", axis, statistic, &value])?;
         }
     }
-    let bytes = out.into_inner().map_err(|error| csv::Error::from(error.into_error()))?;
+    let bytes = out
+        .into_inner()
+        .map_err(|error| csv::Error::from(error.into_error()))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
@@ -62,8 +64,7 @@ fn leaves(tree: &Tree) -> Vec<(String, String)> {
             Tree::Number(value) => number(json::rounded(*value)),
             Tree::Exact(value) => number(*value),
             Tree::Count(n) => n.to_string(),
-            Tree::Flag(flag) => u8::from(*flag).to_string(),
-            Tree::Text(_) | Tree::List(_) | Tree::Null => return,
+            Tree::Flag(_) | Tree::Text(_) | Tree::List(_) | Tree::Null => return,
         };
         out.push((path.to_owned(), value));
     }
@@ -144,16 +145,23 @@ fn error_table(unit: &str, rows: &[&ErrorRow]) -> Table {
         }
     }
     for (name, heading) in FURTHER {
-        let there = |(_, _, values): &&&ErrorRow| values.iter().any(|(n, v)| n == name && v.is_finite());
+        let there =
+            |(_, _, values): &&&ErrorRow| values.iter().any(|(n, v)| n == name && v.is_finite());
         if rows.iter().any(|row| there(&row)) {
             columns.push((name.to_owned(), heading.to_owned()));
         }
     }
-    let decimals = AXES.iter().find(|axis| axis.unit == unit).map_or(3, |axis| axis.decimals);
+    let decimals = AXES
+        .iter()
+        .find(|axis| axis.unit == unit)
+        .map_or(3, |axis| axis.decimals);
     let cells = rows.iter().map(|(path, _, values)| {
         let mut cells = vec![path.clone()];
         for (name, _) in &columns {
-            let value = values.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, v)| *v);
+            let value = values
+                .iter()
+                .find(|(n, _)| n == name)
+                .map_or(f64::NAN, |(_, v)| *v);
             let decimals = match name.as_str() {
                 "n" => 0,
                 "nees" => 2,
@@ -182,7 +190,7 @@ fn comparison(cases: &[Case]) -> Option<Table> {
     for case in others {
         header.extend([case.name(), "change".to_owned()]);
     }
-    let rows = terminal::comparison_rows().into_iter().map(|row| {
+    let rows = terminal::comparison_rows_of(cases).into_iter().map(|row| {
         let of_first = (row.value)(first);
         let mut cells = vec![row.title.clone(), fixed(of_first, row.decimals)];
         for case in others {
@@ -207,7 +215,10 @@ pub fn markdown(report: &Report) -> String {
     }
     for case in &report.cases {
         let _ = writeln!(out, "## {} against {}\n", marked(&case.name()), report.role);
-        let lines = [terminal::run_line(case), terminal::matching_line(report, case)];
+        let lines = [
+            terminal::run_line(case),
+            terminal::matching_line(report, case),
+        ];
         let _ = writeln!(out, "{}  \n{}\n", marked(&lines[0]), marked(&lines[1]));
         for table in error_tables(case) {
             markdown_table(&table, &mut out);
@@ -226,7 +237,11 @@ pub fn markdown(report: &Report) -> String {
     if !report.verdicts.is_empty() {
         let _ = writeln!(out, "## Limits\n");
         for verdict in &report.verdicts {
-            let word = if verdict.failed { "**failed**" } else { "passed" };
+            let word = if verdict.failed {
+                "**failed**"
+            } else {
+                "passed"
+            };
             let _ = writeln!(out, "- {word}: {}", marked(&verdict.to_string()));
         }
         out.push('\n');
@@ -337,7 +352,10 @@ mod tests {
 
     fn report() -> Report {
         let reference = truth(200);
-        let mut runs = vec![run("a_1", &reference, 200, 1.0), run("b, 2", &reference, 200, 2.0)];
+        let mut runs = vec![
+            run("a_1", &reference, 200, 1.0),
+            run("b, 2", &reference, 200, 2.0),
+        ];
         runs[0].stages = vec!["simulate --seed 7  # simulate 1.0".to_owned()];
         Report {
             title: "Pose report: a_1".to_owned(),
@@ -356,9 +374,10 @@ mod tests {
     /// The value of a row of the CSV.
     fn value(text: &str, run: &str, axis: &str, statistic: &str) -> String {
         let mut rows = csv::Reader::from_reader(text.as_bytes());
-        let found = rows.records().map(Result::unwrap).find(|row| {
-            (&row[0], &row[2], &row[3]) == (run, axis, statistic)
-        });
+        let found = rows
+            .records()
+            .map(Result::unwrap)
+            .find(|row| (&row[0], &row[2], &row[3]) == (run, axis, statistic));
         found.unwrap_or_else(|| panic!("no {run} {axis} {statistic}"))[4].to_owned()
     }
 
@@ -391,8 +410,14 @@ mod tests {
         let x = fixed(report.cases[0].axes[0].statistics.rms * 1e3, 2);
         let row = text.lines().find(|line| line.starts_with("| x |")).unwrap();
         assert!(row.contains(&format!(" {x} |")), "{row} {x}");
-        let header = text.lines().find(|line| line.starts_with("| Error in mm |")).unwrap();
-        assert!(header.starts_with("| Error in mm | n | bias | std | rms |"), "{header}");
+        let header = text
+            .lines()
+            .find(|line| line.starts_with("| Error in mm |"))
+            .unwrap();
+        assert!(
+            header.starts_with("| Error in mm | n | bias | std | rms |"),
+            "{header}"
+        );
         assert_eq!(header.matches('|').count(), row.matches('|').count());
         assert!(text.contains("| Error in deg | n | bias |"));
         assert!(text.contains("## a\\_1 against truth"));
@@ -403,15 +428,26 @@ mod tests {
     #[test]
     fn latex_is_whole() {
         let text = latex(&report());
-        for (open, close) in [("\\begin{table}", "\\end{table}"), ("\\toprule", "\\bottomrule"), ("{", "}")] {
-            assert_eq!(text.matches(open).count(), text.matches(close).count(), "{open}");
+        for (open, close) in [
+            ("\\begin{table}", "\\end{table}"),
+            ("\\toprule", "\\bottomrule"),
+            ("{", "}"),
+        ] {
+            assert_eq!(
+                text.matches(open).count(),
+                text.matches(close).count(),
+                "{open}"
+            );
         }
         assert_eq!(text.matches("\\begin{tabular}").count(), 5);
         assert!(text.contains("a\\_1 against truth") && text.contains("$-$"));
         for line in text.lines().filter(|line| !line.starts_with('%')) {
             assert!(line.is_ascii(), "{line}");
         }
-        assert_eq!(set("50 % of a_b & c^2 ~ {x} \\"), "50 \\% of a\\_b \\& c\\textasciicircum{}2 \\textasciitilde{} \\{x\\} \\textbackslash{}");
+        assert_eq!(
+            set("50 % of a_b & c^2 ~ {x} \\"),
+            "50 \\% of a\\_b \\& c\\textasciicircum{}2 \\textasciitilde{} \\{x\\} \\textbackslash{}"
+        );
     }
 
     #[test]

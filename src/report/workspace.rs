@@ -1,7 +1,7 @@
 //! Errors by place: the workspace in cells over y (along the frame) and z (up).
 
-/// The components that cells keep, as indices into [`super::AXES`]: x, y, z and yaw.
-pub const CELL_AXES: [usize; 4] = [0, 1, 2, 5];
+/// The components that cells keep, as indices into [`super::AXES`]: x, y, z, yaw, roll and pitch.
+pub const CELL_AXES: [usize; 6] = [0, 1, 2, 5, 3, 4];
 
 /// Most cells a layout has, so that a page stays small and a cell can be seen.
 const MAX_CELLS: usize = 200;
@@ -143,9 +143,13 @@ fn grid_step(positions: &[[f64; 2]], i: usize) -> Option<f64> {
 pub struct Cell {
     /// Poses in the cell.
     pub n: u32,
-    counts: [u32; 4],
-    sums: [f64; 4],
-    squares: [f64; 4],
+    counts: [u32; CELL_AXES.len()],
+    sums: [f64; CELL_AXES.len()],
+    squares: [f64; CELL_AXES.len()],
+    maxima: [f64; CELL_AXES.len()],
+    edges: u64,
+    votes: u64,
+    voted: u32,
 }
 
 impl Cell {
@@ -159,9 +163,32 @@ impl Cell {
         (self.squares[k] / f64::from(self.counts[k])).sqrt()
     }
 
+    /// Largest size of that component's error; NaN without any.
+    pub fn max(&self, k: usize) -> f64 {
+        if self.counts[k] > 0 {
+            self.maxima[k]
+        } else {
+            f64::NAN
+        }
+    }
+
+    /// Mean number of edges that a pose rests on.
+    pub fn edges(&self) -> f64 {
+        self.edges as f64 / f64::from(self.n)
+    }
+
+    /// Mean number of votes; NaN where no pose has any.
+    pub fn votes(&self) -> f64 {
+        self.votes as f64 / f64::from(self.voted)
+    }
+
     fn merge(&mut self, other: &Cell) {
         self.n += other.n;
-        for k in 0..4 {
+        self.edges += other.edges;
+        self.votes += other.votes;
+        self.voted += other.voted;
+        for k in 0..CELL_AXES.len() {
+            self.maxima[k] = self.maxima[k].max(other.maxima[k]);
             self.counts[k] += other.counts[k];
             self.sums[k] += other.sums[k];
             self.squares[k] += other.squares[k];
@@ -187,8 +214,9 @@ impl Cells {
         }
     }
 
-    /// Adds a pose's errors (x, y, z, roll, pitch, yaw) at a reference position (y, z), m.
-    pub fn add(&mut self, place_m: [f64; 2], error: &[f64; 6]) {
+    /// Adds a pose's errors (x, y, z, roll, pitch, yaw) at a reference position (y, z), m, with the
+    /// edges and votes that it rests on.
+    pub fn add(&mut self, place_m: [f64; 2], error: &[f64; 6], edges: u32, votes: Option<u32>) {
         let Some(cell) = self
             .layout
             .index(place_m)
@@ -197,12 +225,18 @@ impl Cells {
             return;
         };
         cell.n += 1;
+        cell.edges += u64::from(edges);
+        if let Some(votes) = votes {
+            cell.votes += u64::from(votes);
+            cell.voted += 1;
+        }
         for (k, axis) in CELL_AXES.iter().enumerate() {
             let e = error[*axis];
             if e.is_finite() {
                 cell.counts[k] += 1;
                 cell.sums[k] += e;
                 cell.squares[k] += e * e;
+                cell.maxima[k] = cell.maxima[k].max(e.abs());
             }
         }
     }
@@ -297,8 +331,13 @@ mod tests {
     fn cells_keep_sums() {
         let mut cells = Cells::new(Layout::for_positions(&grid(1.0, 4, 3), None).unwrap());
         for place in grid(1.0, 4, 3) {
-            cells.add(place, &[place[0], -1.0, f64::NAN, 0.0, 0.0, 2.0]);
-            cells.add(place, &[-place[0], 3.0, f64::NAN, 0.0, 0.0, 2.0]);
+            cells.add(place, &[place[0], -1.0, f64::NAN, 0.0, 0.0, 2.0], 8, None);
+            cells.add(
+                place,
+                &[-place[0], 3.0, f64::NAN, 0.0, 0.0, 2.0],
+                5,
+                Some(7),
+            );
         }
         let (i, first) = cells.filled().next().unwrap();
         assert_eq!((i, first.n), (0, 2));
@@ -306,6 +345,9 @@ mod tests {
         assert_eq!((first.bias(1), first.rms(1)), (1.0, 5f64.sqrt()));
         assert!(first.bias(2).is_nan());
         assert_eq!(first.rms(3), 2.0);
+        assert_eq!((first.max(0), first.max(1)), (4.0, 3.0));
+        assert!(first.max(2).is_nan());
+        assert_eq!((first.edges(), first.votes()), (6.5, 7.0));
         let coarse = cells.coarser(2, 2);
         assert_eq!((coarse.layout.count, coarse.cells[0].n), ([2, 2], 8));
         assert_eq!(coarse.cells.iter().map(|c| c.n).sum::<u32>(), 24);

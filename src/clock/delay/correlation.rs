@@ -162,6 +162,35 @@ pub fn parabolic(
 ) -> Result<f64, DelayError> {
     let axes = axes(motion, settings.axes)?;
     let step_s = interval_s(measured);
+    parabolic_of(measured, motion, settings, &axes, step_s)
+}
+
+/// Measurements that a first estimate is made from,
+const ENOUGH: usize = 2000;
+/// and steps to either side, at least.
+const LEAST_STEPS: f64 = 25.0;
+
+/// The estimate that the fit begins with: [`parabolic`] of no more measurements than it takes to find
+/// the right place, evenly chosen, in steps of the interval between all of them or smaller ones.
+pub(super) fn seed(
+    measured: &[Measured],
+    motion: &dyn Motion,
+    settings: &DelaySettings,
+) -> Result<f64, DelayError> {
+    let axes = axes(motion, settings.axes)?;
+    let step_s = interval_s(measured).min(settings.most_s / LEAST_STEPS);
+    let every = measured.len().div_ceil(ENOUGH).max(1);
+    let chosen: Vec<Measured> = measured.iter().step_by(every).copied().collect();
+    parabolic_of(&chosen, motion, settings, &axes, step_s)
+}
+
+fn parabolic_of(
+    measured: &[Measured],
+    motion: &dyn Motion,
+    settings: &DelaySettings,
+    axes: &[usize],
+    step_s: f64,
+) -> Result<f64, DelayError> {
     let too_few = |found| DelayError::TooFew {
         found,
         needed: LEAST,
@@ -171,7 +200,7 @@ pub fn parabolic(
     }
     let most = (settings.most_s / step_s).ceil().min(1e6) as i64;
     let all: Vec<(f64, usize)> = (-most..=most)
-        .map(|lag| misfit(measured, motion, &axes, lag as f64 * step_s))
+        .map(|lag| misfit(measured, motion, axes, lag as f64 * step_s))
         .collect();
     let best = (0..all.len())
         .filter(|k| all.get(*k).is_some_and(|(m, _)| m.is_finite()))

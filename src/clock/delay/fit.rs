@@ -3,7 +3,7 @@
 
 use super::{DelayError, DelaySettings, LEAST, Measured, axes, correlation, median};
 use crate::motion::Motion;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
 /// The result.
@@ -81,6 +81,11 @@ const SETTLED_S: f64 = 1e-10;
 /// Speed is steady where it changes by less than this share of the largest acceleration.
 const STEADY: f64 = 0.25;
 
+/// Unknowns at most: the delay, and gain and offset of three axes.
+const MOST_UNKNOWNS: usize = 7;
+type Gradient = SVector<f64, MOST_UNKNOWNS>;
+type Matrix = SMatrix<f64, MOST_UNKNOWNS, MOST_UNKNOWNS>;
+
 /// A coordinate of a measured position.
 #[derive(Clone, Copy, Debug)]
 struct Row {
@@ -125,7 +130,7 @@ pub fn fit(
     settings: &DelaySettings,
 ) -> Result<DelayFit, DelayError> {
     let coordinates = axes(motion, settings.axes)?;
-    let seed_s = correlation::parabolic(measured, motion, settings)?;
+    let seed_s = correlation::seed(measured, motion, settings)?;
     let rows: Vec<Row> = measured
         .iter()
         .filter(|m| (0.0..=motion.duration_s()).contains(&(m.t_s - seed_s)))
@@ -217,8 +222,13 @@ impl Problem<'_> {
     }
 
     fn modelled(&self, delay_s: f64) -> Vec<Modelled> {
+        // The rows of one instant follow each other.
+        let mut last = (f64::NAN, self.motion.at(0.0));
         let model = |row: &Row| {
-            let state = self.motion.at(row.t_s - delay_s);
+            if row.t_s != last.0 {
+                last = (row.t_s, self.motion.at(row.t_s - delay_s));
+            }
+            let state = last.1;
             let axis = self.axes.get(row.axis)?;
             let velocity = state.velocity_m_s[axis.coordinate];
             let desired_m = state.position_m[axis.coordinate];
@@ -270,8 +280,8 @@ impl Problem<'_> {
     }
 
     /// The derivatives of the model: d residual / d unknown, negative.
-    fn gradient(&self, row: &Modelled) -> DVector<f64> {
-        let mut gradient = DVector::zeros(self.unknowns());
+    fn gradient(&self, row: &Modelled) -> Gradient {
+        let mut gradient = Gradient::zeros();
         let gain = self.axes.get(row.axis).map_or(1.0, |axis| axis.gain);
         gradient[0] = -gain * row.velocity_m_s;
         let per_axis = (self.unknowns() - 1) / self.axes.len().max(1);
@@ -283,9 +293,14 @@ impl Problem<'_> {
         gradient
     }
 
-    fn step(&self, rows: &[Modelled], robust: bool) -> Option<Vec<f64>> {
+    /// A matrix whose places for unknowns that do not exist keep it invertible.
+    fn begun(&self) -> Matrix {
         let n = self.unknowns();
-        let (mut matrix, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        Matrix::from_diagonal(&Gradient::from_fn(|i, _| if i < n { 0.0 } else { 1.0 }))
+    }
+
+    fn step(&self, rows: &[Modelled], robust: bool) -> Option<Vec<f64>> {
+        let (mut matrix, mut right) = (self.begun(), Gradient::zeros());
         for row in rows {
             let gradient = self.gradient(row);
             let off = row.residual_m.abs() / row.variance_m2.sqrt();
@@ -320,7 +335,7 @@ impl Problem<'_> {
     /// gradient that were really met.
     fn sigma_s(&self, rows: &[Modelled]) -> Option<f64> {
         let n = self.unknowns();
-        let (mut curvature, mut scatter) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+        let (mut curvature, mut scatter) = (self.begun(), Matrix::zeros());
         for row in rows {
             let gradient = self.gradient(row);
             let off = row.residual_m.abs() / row.variance_m2.sqrt();
@@ -332,7 +347,7 @@ impl Problem<'_> {
             scatter.ger(pull, &gradient, &gradient, 1.0);
         }
         let inverse = curvature.try_inverse()?;
-        let covariance = &inverse * scatter * &inverse;
+        let covariance = inverse * scatter * inverse;
         // What the unknowns themselves have taken from the residuals.
         let count = rows.len() as f64;
         let lost = count / (count - n as f64).max(1.0);

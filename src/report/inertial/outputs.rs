@@ -155,7 +155,7 @@ fn curves(inertial: &Inertial, kind: Kind, title: &str) -> Markup {
         @if !of_kind.is_empty() {
             figure {
                 figcaption { (title) span { (kind.unit()) " over averaging time in s" } }
-                (PreEscaped(figure::log_log(&series, (524, 260), title)))
+                (PreEscaped(figure::log_log(&series, (524, 260), title).svg()))
             }
         }
     }

@@ -3,9 +3,12 @@
 
 mod convert;
 mod diff;
+mod evaluation;
+mod forms;
 mod inputs;
 mod lines;
 mod outputs;
+mod pictures;
 mod poses;
 
 use crate::stream::Outcome;

@@ -46,20 +46,21 @@ pub(super) fn is_utf8() -> bool {
 /// Writes a file under a temporary name and renames it when it is whole. What is there already and
 /// is no regular file (a FIFO, a device) is written in place; of a symbolic link, the file that it
 /// leads to is written.
-pub(super) fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, text: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    let bytes = text.as_ref();
     let name = || path.display().to_string();
     if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
         let mut file = fs::OpenOptions::new()
             .write(true)
             .open(path)
             .with_context(name)?;
-        return file.write_all(text.as_bytes()).with_context(name);
+        return file.write_all(bytes).with_context(name);
     }
     let target = linked(path);
     let mut partial = OsString::from(&target);
     partial.push(".partial");
     let partial = PathBuf::from(partial);
-    fs::write(&partial, text).with_context(name)?;
+    fs::write(&partial, bytes).with_context(name)?;
     fs::rename(&partial, target).with_context(name)
 }
 

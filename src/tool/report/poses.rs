@@ -1,9 +1,12 @@
 //! `report`: poses against a true or desired trajectory.
 
+use super::evaluation::EvaluationArgs;
+use super::forms::FormArgs;
+use super::inputs::Inputs;
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, Reference, Report, Settings, Zone, evaluate, json,
-    merge, origin, page, terminal,
+    Association, Case, Gate, Inertial, Limits, Reference, Report, evaluate, merge, origin, page,
+    terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::common::{CommonArgs, parse_duration};
@@ -25,17 +28,31 @@ EXAMPLES
     report --truth truth.csv --merge <(sed 101q poses.csv) <(sed 2,101d poses.csv)
   Parts of the workspace apart:
     report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  Tables for a spreadsheet and a paper; poses for other kits:
+    report --truth truth.csv --csv poses.csv > report-table.csv
+    report --truth truth.csv --latex joint=poses.csv vote=poses.csv --export tum out/ > table.tex
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
+  With the delay, relative errors and what the poses rest on:
+    report --truth truth.csv --rpe 1s --rpe 1m --imu imu.csv --lines lines.csv poses.csv
+  Without the delay, and moved onto the truth:
+    report --truth truth.csv --delay estimate --align se2 poses.csv
   The noise of an IMU at rest, as a page and in numbers:
     report --imu imu.csv --html imu.html --json > imu.json
 
 STATISTICS
   of e = measured - reference, for x, y, z, position (mm), roll, pitch, yaw (deg): n, bias (mean), std
   (n - 1), rms, median, mad (median of |e - median|), p95, p99, max, min (of |e|; percentiles linear
-  between order statistics, as numpy's), sse. Names are paths in --json: x.rms_mm, yaw.p95_deg,
-  x.nees, nees.x_yaw.nees, scans.solved_pct, scans.words.no-edges.
+  between order statistics, as numpy's), sse; rotation is the angle between the orientations. Names are
+  paths in --json: x.rms_mm, yaw.p95_deg, x.nees, nees.x_yaw.nees, scans.solved_pct,
+  scans.words.no-edges, refused.no-edges, rpe.1s.position.rms_mm, along.bias_mm, delay.delay_ms,
+  orientation.yaw.drift_deg_h, quality.residual.upper.rms_mm, input.jumps.
+
+DELAY
+  Positive: the poses are late. It is estimated where the reference moves, with gain and offset of each
+  axis free; the interval of 95 % knows of the correlation of the errors over time. delay.rms_before_mm,
+  rms_after_mm and share_mm say what it makes of the position's error, whatever --delay is.
 
 EXIT STATUS
   0 done; 2 usage; 3 nothing to compare in some run, or rows skipped (and said so); 4 a --fail-if
@@ -66,24 +83,16 @@ pub struct PoseArgs {
     /// [default: 10ms]
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub max_diff: Option<Duration>,
-    /// A record of the IMU at rest: Allan deviations beside the 3DM-GX1's data sheet; alone, or with
-    /// poses
-    #[arg(long, value_name = "FILE")]
-    pub imu: Option<PathBuf>,
-    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
-    /// name in front if wanted (low=z<=3.5); several are scored side by side
-    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
-    pub zones: Vec<Zone>,
-    /// Size of the workspace's cells, m [default: from the data]
-    #[arg(long, value_name = "SIZE")]
-    pub cell_m: Option<f64>,
+    /// Evaluation.
+    #[command(flatten)]
+    pub evaluation: EvaluationArgs,
     /// End with status 4 if the condition holds, as 'x.rms_mm>4.1' or 'joint:yaw.p95_deg>0.2'; several
     /// allowed
     #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
     pub fail_if: Vec<Gate>,
-    /// Print JSON in place of the table
-    #[arg(long)]
-    pub json: bool,
+    /// Forms.
+    #[command(flatten)]
+    pub forms: FormArgs,
     /// Write a page with figures
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
@@ -119,26 +128,19 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.html {
         outputs::write(path, &page::write(&report))?;
     }
-    let text = if args.json {
-        json::write(&report)?
-    } else {
-        terminal::write(&report, style(args))
-    };
+    let text = args.forms.text(&report, style(args), &options)?;
     outputs::print(&text, table)?;
     Ok(outcome(&report))
 }
 
 /// Reads everything and sums it up.
 fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
-    let inertial = args
-        .imu
-        .as_deref()
-        .map(|path| inputs::read_imu(path, options));
-    let inertial = inertial.transpose()?;
+    let (settings, imu) = args.evaluation.settings(options)?;
     let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
-    if inertial.is_some() && alone {
-        return imu_alone(args, inertial);
-    }
+    let imu = match imu {
+        Some(record) if alone => return imu_alone(args, record.at_rest(&[])),
+        imu => imu,
+    };
     let sources = if args.merge {
         origin::parts(&args.poses)
     } else {
@@ -156,23 +158,34 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         role,
         given: !args.truth.is_empty() || !args.desired.is_empty(),
     };
-    let (mut runs, points) = inputs::read(&sources, wanted, options)?;
+    let mut read = inputs::read(&sources, wanted, options)?;
     if args.merge {
-        runs = merge(runs);
+        read.runs = merge(read.runs);
     }
+    let exports = args.forms.exports(&read)?;
+    let points = if exports.is_empty() {
+        Vec::new()
+    } else {
+        read.points.clone()
+    };
+    let Inputs {
+        runs,
+        points: all,
+        stages,
+    } = read;
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
     };
-    let reference = Reference::new(points, limits);
-    let settings = Settings {
-        zones: args.zones.clone(),
-        cell_m: args.cell_m,
-    };
+    let reference = Reference::new(all, limits);
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
     let cases = evaluate(runs, &reference, &settings);
+    for export in exports {
+        export.write(&cases, &points, role, options)?;
+    }
+    let inertial = imu.and_then(|record| record.at_rest(&cases));
     let judge = |gate: &Gate| {
         let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
         if cases.is_empty() {
@@ -191,6 +204,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         } else {
             "desired"
         },
+        reference_stages: stages,
         reference_source: origin::input_names(paths.iter().map(|path| origin::input_name(path))),
         reference,
         cases,
@@ -218,6 +232,7 @@ fn imu_alone(args: &PoseArgs, inertial: Option<Inertial>) -> anyhow::Result<Repo
         title: title.unwrap_or_else(|| format!("IMU report: {source}")),
         role: "truth",
         reference_source: String::new(),
+        reference_stages: Vec::new(),
         reference: Reference::new(Vec::new(), Limits::default()),
         cases: Vec::new(),
         inertial,

@@ -123,7 +123,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         out.write_all(&text)?;
         text.clear();
         if let Some(cells) = &mut cells {
-            cells.add([y_m, z_m], &sigmas);
+            cells.add([y_m, z_m], &sigmas, 0, None);
         }
         for (worst, sigma) in worst.iter_mut().zip(sigmas) {
             *worst = worst.max(sigma);

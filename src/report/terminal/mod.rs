@@ -1,11 +1,15 @@
 //! The report as text for a terminal.
 
+mod sections;
+
 use super::association::Association;
-use super::axis::{AXES, Axis};
-use super::case::{Case, Report};
+use super::axis::{AXES, Axis, POSITION, ROTATION};
+use super::case::{Case, Report, Track};
 use super::consistency::Consistency;
 use super::inertial::outputs;
+use super::lag::Delay;
 use super::number::{self, change, count, fixed};
+use super::statistics::Statistics;
 use super::workspace::{CELL_AXES, Cells};
 use std::fmt::Write;
 
@@ -26,6 +30,8 @@ const SPARK: usize = 24;
 const NAME: usize = 12;
 /// Width of a column.
 const COLUMN: usize = 9;
+/// The figures of a row of errors.
+const TITLES: [&str; 8] = ["bias", "std", "rms", "median", "MAD", "p95", "p99", "max"];
 /// Statuses listed; the rest is summed up.
 const STATUSES: usize = 8;
 
@@ -83,10 +89,16 @@ impl Text {
         self.header(&format!("{} against {}", case.name(), report.role));
         self.line(&format!("  {}", run_line(case)));
         self.line(&format!("  {}", matching_line(report, case)));
+        self.alignment(case);
         self.out.push('\n');
         if !case.is_empty() {
             self.errors(case, "mm");
             self.errors(case, "deg");
+            self.delay(case);
+            self.track(case);
+            self.relative(case);
+            self.orientation(case);
+            self.stability(case);
             self.consistency(case);
             self.workspace(case, style);
         }
@@ -94,22 +106,20 @@ impl Text {
     }
 
     fn errors(&mut self, case: &Case, unit: &str) {
-        let titles = ["bias", "std", "rms", "median", "MAD", "p95", "p99", "max"];
         let most = case.axes.iter().map(|a| a.statistics.n).max().unwrap_or(0);
         let mut rows = Rows::default();
         rows.add(
             &format!("error, {unit}"),
-            titles,
+            TITLES,
             "   over the run".to_owned(),
         );
         for (axis, result) in AXES.iter().zip(&case.axes).filter(|(a, _)| a.unit == unit) {
-            let s = result.statistics.scaled(axis.factor);
-            let values = [s.bias, s.std, s.rms, s.median, s.mad, s.p95, s.p99, s.max];
+            let n = result.statistics.n;
             let mut end = format!("   {}", spark(&result.trace.means(SPARK)));
-            if s.n < most {
-                let _ = write!(end, "  n {}", count(s.n));
+            if n < most {
+                let _ = write!(end, "  n {}", count(n));
             }
-            rows.add(axis.name, values.map(|v| fixed(v, axis.decimals)), end);
+            rows.add(axis.name, figures(axis, &result.statistics), end);
         }
         self.rows(&rows, true);
     }
@@ -229,6 +239,7 @@ impl Text {
         if rest > 0 {
             self.line(&format!("{}{:>COLUMN$}  other", name(""), count(rest)));
         }
+        self.lines_of(case);
         for note in &case.notes {
             self.line(&format!("{}{note}", name("note")));
         }
@@ -252,7 +263,7 @@ impl Text {
             cells,
             String::new(),
         );
-        for row in comparison_rows() {
+        for row in comparison_rows_of(cases) {
             let first = cases.first().map_or(f64::NAN, |c| (row.value)(c));
             let mut cells = Vec::new();
             for (i, case) in cases.iter().enumerate() {
@@ -347,6 +358,53 @@ pub(super) fn comparison_rows() -> Vec<ComparisonRow> {
         value: Box::new(|case| case.scans.solved_pct()),
     });
     rows
+}
+
+/// The same, with what these runs have besides: delays, ways, relative errors.
+pub(super) fn comparison_rows_of(cases: &[Case]) -> Vec<ComparisonRow> {
+    let mut rows = comparison_rows();
+    let mut more = |title: &str, better: bool, value: Box<dyn Fn(&Case) -> f64>| {
+        let known = |case: &Case| value(case).is_finite();
+        if cases.iter().any(known) {
+            rows.push(ComparisonRow {
+                title: title.to_owned(),
+                decimals: 2,
+                smaller_is_better: better,
+                value,
+            });
+        }
+    };
+    let delay = |value: fn(&Delay) -> f64| -> Box<dyn Fn(&Case) -> f64> {
+        Box::new(move |case| 1e3 * case.delay.as_ref().map_or(f64::NAN, value))
+    };
+    more("delay, ms", false, delay(|d| d.delay_s));
+    more("without, mm rms", true, delay(|d| d.rms_after_m));
+    let track = |value: fn(&Track) -> f64| -> Box<dyn Fn(&Case) -> f64> {
+        Box::new(move |case| 1e3 * case.track.as_ref().map_or(f64::NAN, value))
+    };
+    more("along, mm rms", true, track(|t| t.along.statistics.rms));
+    more("cross, mm rms", true, track(|t| t.cross.statistics.rms));
+    let relative = cases.first().map_or(&[][..], |case| &case.relative);
+    for (k, delta) in relative.iter().map(|r| &r.delta.text).enumerate() {
+        for index in [POSITION, ROTATION] {
+            let axis = &AXES[index];
+            let value = move |case: &Case| {
+                let statistics = case.relative.get(k).and_then(|r| r.axes.get(index));
+                statistics.map_or(f64::NAN, |s| s.rms * axis.factor)
+            };
+            more(
+                &format!("rpe {delta}, {}", axis.unit),
+                true,
+                Box::new(value),
+            );
+        }
+    }
+    rows
+}
+
+/// A row of errors.
+fn figures(axis: &Axis, statistics: &Statistics) -> [String; 8] {
+    sections::row_figures(axis, statistics).map(|v| fixed(v, axis.decimals))
 }
 
 /// Where it came from, how long it is.

@@ -4,6 +4,8 @@
 //! `scans.solved_pct`, `nees.x_yaw.nees`. Numbers are rounded to six decimals of their unit (a
 //! nanometre, 4e-6 arc seconds); a value that does not exist is null.
 
+mod sections;
+
 use super::association::Association;
 use super::axis::{AXES, Axis};
 use super::case::{AxisResult, Case, Report};
@@ -11,12 +13,13 @@ use super::consistency::{Consistency, GROUPS};
 use super::inertial::allan::Point;
 use super::inertial::{Inertial, Measured};
 use super::scans::{Scans, Spread};
+use super::statistics::Statistics;
 use super::workspace::{CELL_AXES, Cells};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
 /// JSON whose objects keep their order.
 #[derive(Clone, Debug, PartialEq)]
-enum Tree {
+pub(super) enum Tree {
     Number(f64),
     /// A number with all its digits.
     Exact(f64),
@@ -49,7 +52,7 @@ impl Serialize for Tree {
     }
 }
 
-fn rounded(value: f64) -> f64 {
+pub(super) fn rounded(value: f64) -> f64 {
     let scaled = value * 1e6;
     if scaled.abs() < 9e15 {
         // Adding zero turns -0 into 0.
@@ -85,6 +88,7 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
         ("unsorted", Tree::Count(report.reference.unsorted)),
         ("association", Tree::Text(association.to_owned())),
         ("max_diff_s", Tree::Number(report.reference.max_diff_s())),
+        ("stages", texts(&report.reference_stages)),
     ]);
     let gates = report.verdicts.iter().map(|v| {
         object([
@@ -116,7 +120,7 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
 
 /// A record of an IMU at rest. Allan deviations are in the channel's unit, and not rounded to six
 /// decimals of it: they may be smaller.
-fn inertial_tree(inertial: &Inertial) -> Tree {
+pub(super) fn inertial_tree(inertial: &Inertial) -> Tree {
     let channel = |measured: &Measured| {
         let kind = measured.channel.kind;
         let mut fields = vec![
@@ -173,7 +177,7 @@ fn inertial_tree(inertial: &Inertial) -> Tree {
     ])
 }
 
-fn case_tree(case: &Case, with_cells: bool) -> Tree {
+pub(super) fn case_tree(case: &Case, with_cells: bool) -> Tree {
     let text = |t: &String| Tree::Text(t.clone());
     let mut fields = vec![
         ("run".to_owned(), text(&case.run)),
@@ -189,6 +193,12 @@ fn case_tree(case: &Case, with_cells: bool) -> Tree {
     for (axis, result) in AXES.iter().zip(&case.axes) {
         fields.push((axis.name.to_owned(), axis_tree(axis, result)));
     }
+    let sections = sections::sections(case, with_cells);
+    fields.extend(
+        sections
+            .into_iter()
+            .map(|(name, tree)| (name.to_owned(), tree)),
+    );
     let groups = GROUPS
         .iter()
         .zip(&case.groups)
@@ -245,8 +255,8 @@ fn scans_tree(case: &Case) -> Tree {
         ("lost", Tree::Count(scans.lost)),
         ("solved_pct", Tree::Number(scans.solved_pct())),
         ("unexplained", Tree::Count(scans.unexplained)),
-        ("unsorted", Tree::Count(case.unsorted)),
-        ("repeated", Tree::Count(case.repeated)),
+        ("unsorted", Tree::Count(case.input.unsorted)),
+        ("repeated", Tree::Count(case.input.repeated)),
         ("edges", spread(scans.edges)),
         ("votes", spread(scans.votes)),
         ("statuses", Tree::List(statuses.collect())),
@@ -257,8 +267,9 @@ fn scans_tree(case: &Case) -> Tree {
 /// The object whose fields are the status words that occurred.
 const WORDS: &str = "words";
 
-fn axis_tree(axis: &Axis, result: &AxisResult) -> Tree {
-    let s = result.statistics.scaled(axis.factor);
+/// A block of statistics, with the unit in the names.
+fn statistics_fields(axis: &Axis, statistics: &Statistics) -> Vec<(String, Tree)> {
+    let s = statistics.scaled(axis.factor);
     let mut fields = vec![("n".to_owned(), Tree::Count(s.n))];
     for (name, value) in [
         ("bias", s.bias),
@@ -274,7 +285,12 @@ fn axis_tree(axis: &Axis, result: &AxisResult) -> Tree {
         fields.push((format!("{name}_{}", axis.unit), Tree::Number(value)));
     }
     fields.push((format!("sse_{}2", axis.unit), Tree::Number(s.sse)));
-    if axis.name != "position" {
+    fields
+}
+
+fn axis_tree(axis: &Axis, result: &AxisResult) -> Tree {
+    let mut fields = statistics_fields(axis, &result.statistics);
+    if !matches!(axis.name, "position" | "rotation") {
         fields.extend(consistency_fields(&result.consistency).into_iter().skip(2));
         for (k, share) in result.within.iter().enumerate() {
             fields.push((
@@ -305,10 +321,17 @@ fn cells_tree(cells: &Cells) -> Tree {
             ("y_m".to_owned(), Tree::Number(y)),
             ("z_m".to_owned(), Tree::Number(z)),
             ("n".to_owned(), Tree::Count(cell.n as usize)),
+            ("edges".to_owned(), Tree::Number(cell.edges())),
+            ("votes".to_owned(), Tree::Number(cell.votes())),
         ];
         for (k, i) in CELL_AXES.iter().enumerate() {
             let axis = &AXES[*i];
-            for (name, value) in [("bias", cell.bias(k)), ("rms", cell.rms(k))] {
+            let values = [
+                ("bias", cell.bias(k)),
+                ("rms", cell.rms(k)),
+                ("max", cell.max(k)),
+            ];
+            for (name, value) in values {
                 let name = format!("{}_{name}_{}", axis.name, axis.unit);
                 fields.push((name, Tree::Number(value * axis.factor)));
             }
@@ -325,19 +348,46 @@ fn cells_tree(cells: &Cells) -> Tree {
 
 /// Whether a case has a statistic of this name (it may have no value all the same).
 pub(super) fn statistic_exists(name: &str) -> bool {
-    let leaf = |t: &Tree| matches!(t, Tree::Number(_) | Tree::Count(_) | Tree::Null);
+    let leaf = |t: &Tree| matches!(t, Tree::Number(_) | Tree::Count(_));
+    if let Some((delta, rest)) = sections::relative_path(name) {
+        return find(&sections::relative_names(delta), rest).is_some_and(leaf);
+    }
     is_word_count(name)
-        || find(&case_tree(&Case::empty(), false), name).is_some_and(|t| leaf(t) && name != "zone")
+        || is_reason_count(name)
+        || find(&case_tree(&Case::empty(), false), name).is_some_and(leaf)
+        || is_spread(name)
 }
 
 /// The value of a statistic, in the unit that its name says.
 pub(super) fn statistic(case: &Case, name: &str) -> Option<f64> {
-    match find(&case_tree(case, false), name) {
+    let number = |tree: Option<&Tree>| match tree {
         Some(Tree::Number(v)) => Some(*v).filter(|v| v.is_finite()),
         Some(Tree::Count(n)) => Some(*n as f64),
-        None if is_word_count(name) => Some(0.0),
         _ => None,
+    };
+    if let Some((delta, rest)) = sections::relative_path(name) {
+        return number(find(&sections::relative_of(case, &delta)?, rest));
     }
+    let tree = case_tree(case, false);
+    match find(&tree, name) {
+        None if is_word_count(name) || is_reason_count(name) => Some(0.0),
+        found => number(found),
+    }
+}
+
+/// `refused.no-edges`: a reason that did not occur occurred zero times.
+fn is_reason_count(name: &str) -> bool {
+    let reason = name.strip_prefix("refused.");
+    reason.is_some_and(super::quality::is_reason)
+}
+
+/// The counts that a run without edges or votes has no spread of.
+fn is_spread(name: &str) -> bool {
+    let name = name.strip_prefix("scans.");
+    let spread = name.and_then(|name| name.split_once('.'));
+    spread.is_some_and(|(what, which)| {
+        ["edges", "votes"].contains(&what) && ["min", "mean", "max"].contains(&which)
+    })
 }
 
 /// `scans.words.few-edges`: a status word that did not occur occurred zero times.
@@ -384,6 +434,24 @@ mod tests {
             "nees.x_yaw.nees",
             "z.within_3s_pct",
             "scans.words.no-yaw",
+            "scans.votes.max",
+            "refused.total",
+            "refused.no-upper+no-walls",
+            "delay.delay_ms",
+            "delay.share_mm",
+            "alignment.yaw_deg",
+            "along.bias_mm",
+            "cross.p95_mm",
+            "rotation.rms_deg",
+            "rpe.1s.position.rms_mm",
+            "rpe.0.5m.yaw.p95_deg",
+            "rpe.10f.pairs",
+            "orientation.yaw.drift_deg_h",
+            "orientation.rate.z.scale",
+            "quality.residual.upper.rms_mm",
+            "quality.points.left",
+            "input.jumps",
+            "stability.x.floor_mm",
         ] {
             assert!(statistic_exists(name), "{name}");
         }
@@ -396,6 +464,15 @@ mod tests {
             "x.rms_mm.more",
             "scans.words.odd",
             "scans.words.",
+            "alignment.note",
+            "alignment.kind",
+            "delay",
+            "delay.curve",
+            "rpe.1s",
+            "rpe.1.position.rms_mm",
+            "rpe.1s.position.rms_deg",
+            "refused.odd",
+            "scans.votes.median",
         ] {
             assert!(!statistic_exists(name), "{name}");
         }

@@ -1,0 +1,181 @@
+//! What `report` computes of poses: the options, and the inputs beside poses and reference.
+
+use super::inputs;
+use crate::frame::{Frame, Imu, ImuAxes};
+use crate::record::ImuSample;
+use crate::report::{
+    Align, Alignment, Attitudes, Case, DelayChoice, Delta, DeltaError, Inertial, LineTally, Pairs,
+    Recording, Settings, Zone, origin,
+};
+use crate::stream::{Fault, Input, Options};
+use crate::tool::common::parse_signed_duration;
+use anyhow::Context;
+use std::path::{Path, PathBuf};
+
+/// How poses are evaluated.
+#[derive(Clone, Debug, clap::Args)]
+pub struct EvaluationArgs {
+    /// Bring the poses into the reference's frame first: none, se2 (yaw and x, y, z), se3, full (se3 that
+    /// the orientations have a say in), first:N (by the first N poses) or file:PATH (the JSON of an
+    /// earlier report, or six numbers as TOML)
+    #[arg(long, value_name = "HOW", default_value = "none", value_parser = parse_align)]
+    align: AlignChoice,
+    /// The poses' delay: show (it is estimated and stated, the errors are as measured), none, estimate
+    /// (the errors are without it) or a time to take out, such as 37ms
+    #[arg(long, value_name = "WHAT", default_value = "show", value_parser = parse_delay, allow_hyphen_values = true)]
+    delay: DelayChoice,
+    /// Relative errors too, between poses so far apart: 1s, 500ms, 1m, 500mm, 10f (poses); several
+    /// allowed
+    #[arg(long = "rpe", value_name = "DELTA", value_parser = parse_delta)]
+    rpe: Vec<Delta>,
+    /// Pairs of the relative errors: consecutive, or all
+    #[arg(long, value_name = "WHICH", default_value = "consecutive", value_parser = parse_pairs)]
+    rpe_pairs: Pairs,
+    /// Score only where the reference pose is, as 'z<=3.5', '|y|<4,z>=0.5', 'z:0.5:3.5' (m, deg), with a
+    /// name in front if wanted (low=z<=3.5); several are scored side by side
+    #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
+    zones: Vec<Zone>,
+    /// Size of the workspace's cells, m [default: from the data]
+    #[arg(long, value_name = "SIZE")]
+    cell_m: Option<f64>,
+    /// Leave cells of the workspace with fewer poses empty [default: 3; of a grid 1]
+    #[arg(long, value_name = "N")]
+    min_count: Option<u32>,
+    /// A record of the IMU: orientations and rates are compared with it; of a unit at rest, alone or
+    /// with poses, Allan deviations beside the 3DM-GX1's data sheet
+    #[arg(long, value_name = "FILE")]
+    pub(super) imu: Option<PathBuf>,
+    /// Frame file, for how the IMU is mounted [default: level]
+    #[arg(short, long, value_name = "FILE", requires = "imu")]
+    frame: Option<PathBuf>,
+    /// The lines that the poses were made from: residuals and points by face, strips seen
+    #[arg(long, value_name = "FILE")]
+    lines: Option<PathBuf>,
+}
+
+/// An alignment, or where one is.
+#[derive(Clone, Debug)]
+enum AlignChoice {
+    Found(Align),
+    File(PathBuf),
+}
+
+fn parse_align(text: &str) -> Result<AlignChoice, String> {
+    let found = match text {
+        "none" => Align::None,
+        "se2" => Align::Se2,
+        "se3" => Align::Se3,
+        "full" => Align::Full,
+        _ => match text.split_once(':') {
+            Some(("file", path)) if !path.is_empty() => {
+                return Ok(AlignChoice::File(PathBuf::from(path)));
+            }
+            Some(("first", count)) => match count.parse() {
+                Ok(count) if count > 0 => Align::First(count),
+                _ => return Err("first:N wants a number of poses".to_owned()),
+            },
+            _ => return Err("none, se2, se3, full, first:N or file:PATH is wanted".to_owned()),
+        },
+    };
+    Ok(AlignChoice::Found(found))
+}
+
+fn parse_delay(text: &str) -> Result<DelayChoice, String> {
+    match text {
+        "show" => Ok(DelayChoice::Show),
+        "none" => Ok(DelayChoice::None),
+        "estimate" => Ok(DelayChoice::Estimate),
+        _ => parse_signed_duration(text)
+            .map(DelayChoice::Given)
+            .map_err(|_| "show, none, estimate or a time such as 37ms is wanted".to_owned()),
+    }
+}
+
+fn parse_delta(text: &str) -> Result<Delta, DeltaError> {
+    text.parse()
+}
+
+fn parse_pairs(text: &str) -> Result<Pairs, String> {
+    match text {
+        "consecutive" => Ok(Pairs::Consecutive),
+        "all" => Ok(Pairs::All),
+        _ => Err("consecutive or all is wanted".to_owned()),
+    }
+}
+
+/// An IMU's record, for either use.
+pub(super) struct ImuRecord {
+    recording: Recording,
+    source: String,
+}
+
+impl EvaluationArgs {
+    /// Reads what there is beside poses and reference.
+    pub(super) fn settings(
+        &self,
+        options: &Options,
+    ) -> anyhow::Result<(Settings, Option<ImuRecord>)> {
+        let imu = self.imu.as_deref().map(|path| self.read_imu(path, options));
+        let (attitudes, record) = imu.transpose()?.unzip();
+        let lines = self.lines.as_deref().map(|path| read_lines(path, options));
+        let settings = Settings {
+            zones: self.zones.clone(),
+            cell_m: self.cell_m,
+            min_count: self.min_count,
+            align: self.align()?,
+            delay: self.delay,
+            relative: self.rpe.clone(),
+            pairs: self.rpe_pairs,
+            imu: attitudes,
+            lines: lines.transpose()?,
+        };
+        Ok((settings, record))
+    }
+
+    fn align(&self) -> anyhow::Result<Align> {
+        let path = match &self.align {
+            AlignChoice::Found(align) => return Ok(align.clone()),
+            AlignChoice::File(path) => path,
+        };
+        let name = || path.display().to_string();
+        let text = std::fs::read_to_string(path).with_context(name)?;
+        let given = Alignment::parse(&text)
+            .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
+        Ok(Align::Given(Box::new(given)))
+    }
+
+    fn read_imu(&self, path: &Path, options: &Options) -> anyhow::Result<(Attitudes, ImuRecord)> {
+        let frame = self.frame.as_deref().map(Frame::read).transpose()?;
+        let axes = ImuAxes::new(&frame.map_or_else(Imu::default, |frame| frame.imu));
+        let mut input: Input<ImuSample> = Input::open(Some(path), options)?;
+        let (mut recording, mut attitudes) = (Recording::default(), Attitudes::default());
+        while let Some(sample) = input.next()? {
+            recording.push(sample);
+            attitudes.push(&axes.turned(sample, crate::record::Axes::Platform));
+        }
+        let source = origin::input_name(path);
+        let record = ImuRecord {
+            recording,
+            source: source.clone(),
+        };
+        Ok((attitudes.finish(source), record))
+    }
+}
+
+impl ImuRecord {
+    /// The noise of a unit at rest: none where the poses say that it moved.
+    pub(super) fn at_rest(self, cases: &[Case]) -> Option<Inertial> {
+        let moved = |case: &Case| case.orientation.is_some() && case.stability.is_none();
+        let moved = cases.iter().any(moved);
+        (!moved).then(|| self.recording.finish(self.source))
+    }
+}
+
+fn read_lines(path: &Path, options: &Options) -> anyhow::Result<LineTally> {
+    let mut tally = LineTally::new(origin::input_name(path));
+    let mut input = inputs::open_lines(path, options)?;
+    while let Some(lines) = input.next()? {
+        tally.add(lines);
+    }
+    Ok(tally)
+}

@@ -1,0 +1,57 @@
+//! The figures of a report as files, one each.
+
+use super::outputs;
+use crate::report::Figure;
+use crate::stream::Fault;
+use anyhow::Context;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Pixels of a PNG for a pixel of the page.
+const SCALE: f32 = 2.0;
+
+/// Where figures go as files of their own.
+#[derive(Clone, Debug, clap::Args)]
+pub struct PictureArgs {
+    /// Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)
+    #[arg(long, value_name = "DIR")]
+    pub svg: Option<PathBuf>,
+    /// Write each figure as a PNG file into a directory, which is made if need be
+    #[arg(long, value_name = "DIR")]
+    pub png: Option<PathBuf>,
+}
+
+impl PictureArgs {
+    /// Whether any figure is wanted.
+    pub(super) fn wanted(&self) -> bool {
+        self.svg.is_some() || self.png.is_some()
+    }
+
+    /// Writes every figure wherever it is wanted.
+    pub(super) fn write(&self, figures: &[Figure]) -> anyhow::Result<()> {
+        if let Some(folder) = &self.svg {
+            into(folder, figures, "svg", |f| Ok(f.svg().into_bytes()))?;
+        }
+        if let Some(folder) = &self.png {
+            into(folder, figures, "png", |f| {
+                let png = f.png(SCALE);
+                png.map_err(|e| Fault::BadData(format!("{}: {e}", f.name)).into())
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn into(
+    folder: &Path,
+    figures: &[Figure],
+    ending: &str,
+    bytes: impl Fn(&Figure) -> anyhow::Result<Vec<u8>>,
+) -> anyhow::Result<()> {
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    for figure in figures {
+        let path = folder.join(format!("{}.{ending}", figure.name));
+        outputs::write(&path, bytes(figure)?)?;
+    }
+    Ok(())
+}
