@@ -73,7 +73,7 @@ golden:
 .PHONY: bench
 bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
-	$(CARGO) bench --locked --bench streams --bench lines --bench decode
+	$(CARGO) bench --locked --bench streams --bench lines --bench decode --bench simulate
 
 ## lines-table: the dissertation's table of line extractors with ours beside it, and its modified Hough transform against the whole one
 .PHONY: lines-table

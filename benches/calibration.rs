@@ -308,7 +308,7 @@ fn scans(case: &Case, frame: &Frame, count: u64, seed: u64) -> Vec<Step> {
         model,
         mode: model.modes[0],
         course: Course::Stations {
-            poses: scatter.poses(Seed(seed), count),
+            poses: scatter.poses(Seed(seed), count).into(),
             scans_each: 1,
         },
         effects: case.effects.parse().expect("effects"),

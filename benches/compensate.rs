@@ -20,7 +20,9 @@ use cablepose::record::{
     Axes, ImuSample, Pose, ReflectorLines, Stamp, Status, TrajectoryPoint, upper_index,
 };
 use cablepose::simulate::random::Purpose;
-use cablepose::simulate::{Course, Effect, Effects, Parameters, Seed, Setup, Simulator, scanner};
+use cablepose::simulate::{
+    Course, Effect, Effects, Parameters, Seed, Setup, SharedMotion, Simulator, scanner,
+};
 use nalgebra::Vector3;
 use std::path::Path;
 use std::process::ExitCode;
@@ -36,7 +38,7 @@ const SIGMA: [f64; 6] = [4e-3, 0.45e-3, 0.45e-3, 1.5e-4, 3.5e-4, 2e-3];
 
 /// A run: poses and what a carrier may know of the motion.
 struct Run {
-    truth: Box<dyn Motion>,
+    truth: SharedMotion,
     poses: Vec<Pose>,
     desired: Vec<TrajectoryPoint>,
     imu: Vec<ImuSample>,
@@ -50,7 +52,7 @@ enum Source {
     MovingScans,
 }
 
-fn shuttle(profile: &str) -> Box<dyn Motion> {
+fn shuttle(profile: &str) -> SharedMotion {
     let place = |y: f64, z: f64| Place {
         position_m: Vector3::new(0.0, y, z),
         rotation_rad: Vector3::zeros(),

@@ -95,7 +95,7 @@ fn scans(frame: &Frame, effects: &str, track: bool) -> Vec<Scan> {
         model,
         mode: model.modes[0],
         course: Course::Stations {
-            poses: scatter.poses(Seed(7), stations),
+            poses: scatter.poses(Seed(7), stations).into(),
             scans_each,
         },
         effects,

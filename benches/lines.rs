@@ -9,11 +9,7 @@ mod office;
 
 use cablepose::lines::extractor::{Extractor, ExtractorOptions};
 use cablepose::lines::fit::{self, Beams, Loss};
-use cablepose::lines::iepf::{Iepf, IepfOptions};
-use cablepose::lines::incremental::{Incremental, IncrementalOptions};
-use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
-use cablepose::lines::ml::{Ml, MlOptions};
-use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
+use cablepose::lines::methods::{self, METHODS};
 use cablepose::record::Scan;
 use office::Office;
 use rand_chacha::ChaCha8Rng;
@@ -33,43 +29,9 @@ fn methods(sigma_m: f64) -> Vec<(&'static str, Box<dyn Extractor>)> {
     common.segmentation.sigma_m = sigma_m;
     // The truth of the all-round set has a wall through the seam as two.
     common.segmentation.cut_at_seam = true;
-    vec![
-        (
-            "split-and-merge",
-            Box::new(SplitAndMerge::new(SplitAndMergeOptions {
-                common,
-                ..SplitAndMergeOptions::default()
-            })),
-        ),
-        (
-            "iepf",
-            Box::new(Iepf::new(IepfOptions {
-                common,
-                ..IepfOptions::default()
-            })),
-        ),
-        (
-            "incremental",
-            Box::new(Incremental::new(IncrementalOptions {
-                common,
-                ..IncrementalOptions::default()
-            })),
-        ),
-        (
-            "line-regression",
-            Box::new(LineRegression::new(LineRegressionOptions {
-                common,
-                ..LineRegressionOptions::default()
-            })),
-        ),
-        (
-            "ml",
-            Box::new(Ml::new(MlOptions {
-                common,
-                ..MlOptions::default()
-            })),
-        ),
-    ]
+    let named = |name| (name, methods::extractor(name, common).expect("a method"));
+    // Those that cut the beams into runs.
+    METHODS[..5].iter().copied().map(named).collect()
 }
 
 fn main() {

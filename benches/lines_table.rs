@@ -8,19 +8,11 @@
 
 use cablepose::frame::Frame;
 use cablepose::lines::dissertation::{Strategy, StrategyOptions};
-use cablepose::lines::em::{Em, EmOptions};
-use cablepose::lines::extractor::{Extractor, ExtractorOptions};
+use cablepose::lines::extractor::ExtractorOptions;
 use cablepose::lines::fit::Estimator;
 use cablepose::lines::hough::{Accumulator, Columns, ReflectorTransform, Window, WindowSize};
-use cablepose::lines::hough::{FastHough, FastHoughOptions, Hough, HoughOptions};
-use cablepose::lines::hough::{ModifiedHough, ModifiedHoughOptions};
-use cablepose::lines::iepf::{Iepf, IepfOptions};
-use cablepose::lines::incremental::{Incremental, IncrementalOptions};
-use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
-use cablepose::lines::ml::{Ml, MlOptions};
-use cablepose::lines::ransac::{Ransac, RansacOptions};
+use cablepose::lines::methods::extractor;
 use cablepose::lines::segmentation::Cut;
-use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::motion::{Limits, Pose, SCurve, Shuttle};
 use cablepose::record::{NormalLine, ReflectorLines, Scan, Segment, Stamp};
 use cablepose::report::lines::{Matching, score};
@@ -84,54 +76,6 @@ fn main() -> anyhow::Result<()> {
     comparison();
     println!();
     transforms()
-}
-
-/// A method by its name; none where it is not here.
-fn extractor(name: &str, common: ExtractorOptions) -> Option<Box<dyn Extractor>> {
-    let whole = HoughOptions {
-        common,
-        ..HoughOptions::default()
-    };
-    Some(match name {
-        "split-and-merge" => Box::new(SplitAndMerge::new(SplitAndMergeOptions {
-            common,
-            ..SplitAndMergeOptions::default()
-        })),
-        "iepf" => Box::new(Iepf::new(IepfOptions {
-            common,
-            ..IepfOptions::default()
-        })),
-        "incremental" => Box::new(Incremental::new(IncrementalOptions {
-            common,
-            ..IncrementalOptions::default()
-        })),
-        "line-regression" => Box::new(LineRegression::new(LineRegressionOptions {
-            common,
-            ..LineRegressionOptions::default()
-        })),
-        "ml" => Box::new(Ml::new(MlOptions {
-            common,
-            ..MlOptions::default()
-        })),
-        "hough" => Box::new(Hough::new(whole)),
-        "fast-hough" => Box::new(FastHough::new(FastHoughOptions {
-            common,
-            ..FastHoughOptions::default()
-        })),
-        "modified-hough" => Box::new(ModifiedHough::new(ModifiedHoughOptions {
-            whole,
-            ..ModifiedHoughOptions::default()
-        })),
-        "ransac" => Box::new(Ransac::new(RansacOptions {
-            common,
-            ..RansacOptions::default()
-        })),
-        "em" => Box::new(Em::new(EmOptions {
-            common,
-            ..EmOptions::default()
-        })),
-        _ => return None,
-    })
 }
 
 fn comparison() {

@@ -82,7 +82,7 @@ fn lines(frame: &Frame, effects: &str) -> Vec<(ReflectorLines, f64)> {
         model,
         mode: model.modes[0],
         course: Course::Stations {
-            poses: scatter.poses(Seed(1), SCANS),
+            poses: scatter.poses(Seed(1), SCANS).into(),
             scans_each: 1,
         },
         effects,

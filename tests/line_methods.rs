@@ -2,11 +2,8 @@
 //! the same every time, and take any ranges. And the scores of `report lines` are those of an
 //! independent scorer.
 
-use cablepose::lines::em::{Em, EmOptions};
 use cablepose::lines::extractor::{Extractor, ExtractorOptions, Fate};
-use cablepose::lines::hough::{FastHough, FastHoughOptions, Hough, HoughOptions};
-use cablepose::lines::hough::{ModifiedHough, ModifiedHoughOptions};
-use cablepose::lines::ransac::{Ransac, RansacOptions};
+use cablepose::lines::methods;
 use cablepose::lines::segmentation::Cut;
 use cablepose::record::{NormalLine, Scan, Segment, Stamp};
 use cablepose::report::lines::{Matching, Score, score};
@@ -19,29 +16,7 @@ use std::process::Command;
 
 /// A method by name.
 fn extractor(name: &str, common: ExtractorOptions) -> Box<dyn Extractor> {
-    let whole = HoughOptions {
-        common,
-        ..HoughOptions::default()
-    };
-    match name {
-        "hough" => Box::new(Hough::new(whole)),
-        "fast-hough" => Box::new(FastHough::new(FastHoughOptions {
-            common,
-            ..FastHoughOptions::default()
-        })),
-        "modified-hough" => Box::new(ModifiedHough::new(ModifiedHoughOptions {
-            whole,
-            ..ModifiedHoughOptions::default()
-        })),
-        "ransac" => Box::new(Ransac::new(RansacOptions {
-            common,
-            ..RansacOptions::default()
-        })),
-        _ => Box::new(Em::new(EmOptions {
-            common,
-            ..EmOptions::default()
-        })),
-    }
+    methods::extractor(name, common).unwrap()
 }
 
 const METHODS: [&str; 5] = ["hough", "fast-hough", "modified-hough", "ransac", "em"];

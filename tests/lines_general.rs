@@ -7,13 +7,9 @@
 mod office;
 
 use cablepose::lines::extractor::{Extractor, ExtractorOptions, Fate};
-use cablepose::lines::iepf::{Iepf, IepfOptions};
-use cablepose::lines::incremental::{Incremental, IncrementalOptions};
 use cablepose::lines::known_lines::SecondLook;
-use cablepose::lines::line_regression::{LineRegression, LineRegressionOptions};
-use cablepose::lines::ml::{Ml, MlOptions};
+use cablepose::lines::methods;
 use cablepose::lines::segmentation::Cut;
-use cablepose::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use cablepose::record::{Scan, Segment};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
@@ -27,28 +23,7 @@ const METHODS: [&str; 5] = [
 ];
 
 fn extractor(name: &str, common: ExtractorOptions) -> Box<dyn Extractor> {
-    match name {
-        "split-and-merge" => Box::new(SplitAndMerge::new(SplitAndMergeOptions {
-            common,
-            ..SplitAndMergeOptions::default()
-        })),
-        "iepf" => Box::new(Iepf::new(IepfOptions {
-            common,
-            ..IepfOptions::default()
-        })),
-        "incremental" => Box::new(Incremental::new(IncrementalOptions {
-            common,
-            ..IncrementalOptions::default()
-        })),
-        "line-regression" => Box::new(LineRegression::new(LineRegressionOptions {
-            common,
-            ..LineRegressionOptions::default()
-        })),
-        _ => Box::new(Ml::new(MlOptions {
-            common,
-            ..MlOptions::default()
-        })),
-    }
+    methods::extractor(name, common).unwrap()
 }
 
 fn lines(scan: &Scan, extractor: &mut dyn Extractor) -> Vec<Segment> {

@@ -173,11 +173,14 @@ fn the_page_is_whole_small_and_quiet() {
         assert!(page.contains("no-pose no-edges"));
     }
     for title in [
-        "x error, rms",
+        "Position error, rms",
         "Bias in x",
+        "Yaw error, rms",
+        "x error, max",
         "y error, rms",
         "z error, rms",
-        "Yaw error, rms",
+        "Votes",
+        "Edges",
         "Poses",
     ] {
         assert!(
@@ -193,7 +196,7 @@ fn the_page_is_whole_small_and_quiet() {
         )));
     }
     assert!(one.contains("report -q --truth truth.csv --html page.html joint.csv"));
-    assert!(two.contains("<h2>Side by side</h2>"));
+    assert!(two.contains("<h2>Before and after</h2>"));
     let line = "SOURCE_DATE_EPOCH=951782400 report --truth truth.csv --html dated.html joint.csv";
     sh(&dir, line).expect(0);
     assert!(
@@ -202,6 +205,75 @@ fn the_page_is_whole_small_and_quiet() {
             .contains("2000-02-29")
     );
     assert!(!one.contains("2000-02-29"));
+}
+
+#[test]
+fn figures_leave_the_page_as_files() {
+    let dir = two_runs("report-figures");
+    let make = |to: &str, more: &str, runs: &str| {
+        let line = format!(
+            "report -q --truth truth.csv --svg {to}/svg --png {to}/png {more} {runs} > {to}.txt"
+        );
+        sh(&dir, &line).expect(0);
+    };
+    let names = |folder: &str| {
+        let files = fs::read_dir(dir.join(folder)).unwrap();
+        let name = |f: fs::DirEntry| f.file_name().into_string().unwrap();
+        let mut names: Vec<String> = files.map(|f| name(f.unwrap())).collect();
+        names.sort();
+        names
+    };
+    make("one", "", "joint.csv");
+    let svg = names("one/svg");
+    for name in [
+        "error-x",
+        "map-position-rms",
+        "map-x-bias",
+        "distribution-yaw",
+        "nees",
+        "coverage",
+        "edges",
+    ] {
+        assert!(svg.contains(&format!("{name}.svg")), "{name}: {svg:?}");
+    }
+    let png = names("one/png");
+    let stems = |names: &[String]| -> Vec<String> {
+        let stem = |n: &String| n.split('.').next().unwrap().to_owned();
+        names.iter().map(stem).collect()
+    };
+    assert_eq!(stems(&svg), stems(&png));
+    for name in &svg {
+        let text = fs::read_to_string(dir.join("one/svg").join(name)).unwrap();
+        assert!(
+            text.starts_with("<svg xmlns=") && text.ends_with("</svg>\n"),
+            "{name}"
+        );
+        for absent in ["class=", "var(", "NaN", "href"] {
+            assert!(!text.contains(absent), "{name}: {absent}");
+        }
+    }
+    for name in &png {
+        let bytes = fs::read(dir.join("one/png").join(name)).unwrap();
+        assert_eq!(bytes[..8], *b"\x89PNG\r\n\x1a\n", "{name}");
+        let side = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+        assert!(side(16) > 600 && side(20) > 200, "{name}");
+    }
+    // The same bytes twice; contours are other pictures, courses are not.
+    make("again", "", "joint.csv");
+    make("contours", "--maps contours", "joint.csv");
+    let same = |a: &str, b: &str, name: &str| {
+        fs::read(dir.join(a).join(name)).unwrap() == fs::read(dir.join(b).join(name)).unwrap()
+    };
+    assert!(svg.iter().all(|n| same("one/svg", "again/svg", n)));
+    assert!(png.iter().all(|n| same("one/png", "again/png", n)));
+    assert!(!same("one/svg", "contours/svg", "map-position-rms.svg"));
+    assert!(same("one/svg", "contours/svg", "error-x.svg"));
+    // Of several runs, each has its own.
+    make("two", "", "vote.csv joint.csv");
+    let two = names("two/svg");
+    for name in ["vote-error-x.svg", "joint-error-x.svg"] {
+        assert!(two.iter().any(|n| n == name), "{two:?}");
+    }
 }
 
 #[test]

@@ -77,7 +77,13 @@ fn an_orderly_run_has_no_verdict() {
     let dir = a_run("verdict-none");
     let ended = report(&dir, "poses.csv").expect(0);
     assert!(ended.stderr.is_empty(), "{}", ended.stderr);
-    assert!(!ended.text().contains("note"), "{}", ended.text());
+    // Only some variances are there.
+    let notes = ended.text().lines().filter(|line| line.starts_with("note"));
+    assert!(
+        notes.clone().all(|note| note.contains("variance")),
+        "{}",
+        ended.text()
+    );
 }
 
 #[test]
@@ -133,8 +139,9 @@ fn a_number_that_is_missing() {
 #[test]
 fn rows_out_of_order() {
     let dir = a_run("verdict-unsorted");
-    let header = "{ head -1 poses.csv; sed -n '2,50p;52p;51p;53,$p' poses.csv; } > odd.csv";
-    sh(&dir, header).expect(0);
+    let swap =
+        "awk 'NR == 51 { held = $0; next } { print } NR == 52 { print held }' poses.csv > odd.csv";
+    sh(&dir, swap).expect(0);
     let ended = report(&dir, "odd.csv").expect(3);
     says(
         &ended,

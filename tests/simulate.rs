@@ -382,3 +382,75 @@ fn an_mcap_stream_holds_everything() {
     // Four scans at 75 Hz end 0.047 s after the start: samples at 0, 10, .. 50 ms.
     assert_eq!(count("/imu"), 6, "{counts:?}");
 }
+
+/// Everything a run writes with the given arguments: scans, truth, desired trajectory, IMU samples.
+fn everything(dir: &Path, name: &str, args: &[&str]) -> [String; 4] {
+    let side = |what: &str| dir.join(format!("{name}-{what}.csv"));
+    let sides = ["truth", "desired", "imu"].map(side);
+    let [truth, desired, imu] = sides.each_ref().map(|path| path.to_str().unwrap());
+    let mut all = vec!["--truth", truth, "--desired", desired, "--imu", imu];
+    all.extend(args);
+    let scans = String::from_utf8(bytes(&all)).unwrap();
+    let [truth, desired, imu] = sides.map(|path| text_of(&path));
+    [scans, truth, desired, imu]
+}
+
+const EVERYTHING: [&str; 14] = [
+    "--effects",
+    "all",
+    "--trajectory",
+    "loop",
+    "--wobble-deg",
+    "1,0.5,1",
+    "--n-scans",
+    "101",
+    "--imu-rate-hz",
+    "100",
+    "--frequency-hz",
+    "25",
+    "--resolution-deg",
+    "0.1667",
+];
+
+#[test]
+fn any_number_of_jobs_gives_the_same_bytes() {
+    let dir = scratch("jobs");
+    let run = |jobs: &str| {
+        let args = [&EVERYTHING[..], &["--jobs", jobs]].concat();
+        everything(&dir, jobs, &args)
+    };
+    let one = run("1");
+    assert_eq!(one[0].lines().count(), 102);
+    for jobs in ["2", "5"] {
+        assert!(run(jobs) == one, "--jobs {jobs}");
+    }
+}
+
+#[test]
+fn shards_put_together_are_the_run() {
+    let dir = scratch("shards");
+    let grid = ["--effects", "all", "--trajectory", "grid", "--step-m", "1"];
+    for (name, args) in [("loop", &EVERYTHING[..]), ("grid", &grid[..])] {
+        let whole = everything(&dir, name, args);
+        let mut joined: [String; 4] = Default::default();
+        for index in 1..=3 {
+            let shard = format!("{index}/3");
+            let args = [args, &["--shard", &shard]].concat();
+            let part = everything(&dir, &format!("{name}-{index}"), &args);
+            for (joined, part) in joined.iter_mut().zip(part) {
+                let (header, rows) = part.split_once('\n').unwrap();
+                if joined.is_empty() {
+                    *joined = format!("{header}\n");
+                }
+                assert!(joined.starts_with(header) && !rows.is_empty());
+                joined.push_str(rows);
+            }
+        }
+        assert!(joined == whole, "{name}");
+    }
+    let (status, text) = refusal(&["--shard", "4/3"]);
+    assert_eq!(status, 2);
+    assert!(text.contains("I from 1 to N"), "{text}");
+    let (status, _) = refusal(&["--shard", "1/3", "--real-time"]);
+    assert_eq!(status, 2);
+}

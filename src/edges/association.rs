@@ -52,6 +52,8 @@ pub(super) struct Association {
     spot: Spot,
     /// Whether strips on the sides make pitch observable.
     with_pitch: bool,
+    /// The scanner on a platform, to be moved.
+    mounted: ScannerPose,
     /// y, z and roll of the pose that was looked at last.
     on_lines: [f64; 3],
     /// x, yaw, pitch of the scan before.
@@ -84,6 +86,7 @@ impl Association {
             boundaries: boundaries.collect(),
             spot: Spot::new(frame),
             with_pitch: frame.strips.iter().any(|strip| strip.face != Face::Upper),
+            mounted: ScannerPose::new(frame, [0.0; 3], [0.0; 3]),
             on_lines: [0.0, frame.bounds.dz_m / 2.0, 0.0],
             last: None,
             middles: Vec::new(),
@@ -109,28 +112,28 @@ impl Association {
         // Enough edges that fit leave no room for another explanation; a few do.
         let sure = SURE * WORTH * edges.len().max(SURE_EDGES) as f64;
         if start.is_some() {
-            best = self.refine(frame, lines, edges, &mut at, TOLERANCES_M.len() - 1);
+            best = self.refine(lines, edges, &mut at, TOLERANCES_M.len() - 1);
             // Poses that jump need more than one step to have all edges in reach.
             if best < sure || self.taken.iter().flatten().count() < edges.len() {
-                best = self.refine(frame, lines, edges, &mut at, 1);
+                best = self.refine(lines, edges, &mut at, 1);
             }
         }
         if best < sure {
             // Several peaks of the vote may look alike; the one that explains the edges best counts.
-            for candidate in self.vote(frame, lines, edges) {
+            for candidate in self.vote(lines, edges) {
                 let mut refined = candidate;
-                let explained = self.refine(frame, lines, edges, &mut refined, 0);
+                let explained = self.refine(lines, edges, &mut refined, 0);
                 if explained > best {
                     (best, at) = (explained, refined);
                 }
             }
             // Once more from a wider tolerance: the passes so far may have left edges out that the
             // pose they led to explains.
-            self.refine(frame, lines, edges, &mut at, 1);
+            self.refine(lines, edges, &mut at, 1);
         }
         let matched = self.taken.iter().flatten().count();
         self.last = (matched >= 3).then_some(at);
-        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
+        let pose = pose_on_lines(&self.mounted, lines, at, &mut self.on_lines);
         for Found { edge, .. } in edges.iter_mut() {
             let slope = usize::try_from(edge.strip)
                 .ok()
@@ -146,7 +149,7 @@ impl Association {
 
     /// Coarse search: the poses (x, yaw, pitch) from which the edges lie nearest to boundaries of
     /// their kind, best first, at some distance from each other.
-    fn vote(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found]) -> Vec<[f64; 3]> {
+    fn vote(&mut self, lines: &ReflectorLines, edges: &[Found]) -> Vec<[f64; 3]> {
         let mut scored: Vec<(f64, [f64; 3])> = Vec::new();
         let yaw_steps = (YAW_MAX_RAD / YAW_STEP_RAD).round() as i32;
         let x_steps = (X_MAX_M / X_STEP_M).round() as i32;
@@ -156,7 +159,7 @@ impl Association {
         {
             let yaw = f64::from(yaw_step) * YAW_STEP_RAD;
             let pitch = f64::from(pitch_step) * PITCH_STEP_RAD;
-            self.see(frame, lines, edges, [0.0, yaw, pitch]);
+            self.see(lines, edges, [0.0, yaw, pitch]);
             for x_step in -x_steps..=x_steps {
                 let x_m = f64::from(x_step) * X_STEP_M;
                 // A small penalty prefers the middle where the count does not decide.
@@ -200,7 +203,6 @@ impl Association {
     /// [`WORTH`] for each, less what the state is away from the middle.
     fn refine(
         &mut self,
-        frame: &Frame,
         lines: &ReflectorLines,
         edges: &mut [Found],
         at: &mut [f64; 3],
@@ -208,7 +210,7 @@ impl Association {
     ) -> f64 {
         let mut explained = f64::NEG_INFINITY;
         for tolerance_m in &TOLERANCES_M[from..] {
-            self.see(frame, lines, edges, *at);
+            self.see(lines, edges, *at);
             self.nearest(edges, *tolerance_m);
             explained = 0.0;
             let mut information = Matrix3::zeros();
@@ -274,8 +276,8 @@ impl Association {
     }
 
     /// Where the middles of the intervals lie on their faces, seen from `at`.
-    fn see(&mut self, frame: &Frame, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
-        let pose = pose_on_lines(frame, lines, at, &mut self.on_lines);
+    fn see(&mut self, lines: &ReflectorLines, edges: &[Found], at: [f64; 3]) {
+        let pose = pose_on_lines(&self.mounted, lines, at, &mut self.on_lines);
         self.middles.clear();
         self.middles.extend(edges.iter().map(|Found { edge, .. }| {
             let v = v_axis(edge.face);
@@ -339,14 +341,14 @@ fn boundaries(strip: usize, s: &Strip) -> [Boundary; 2] {
 /// The platform's pose with y, z and roll such that its lines are the measured ones, for given x,
 /// yaw and pitch. `start` is y, z and roll to start from and becomes those of the result.
 fn pose_on_lines(
-    frame: &Frame,
+    mounted: &ScannerPose,
     lines: &ReflectorLines,
     [x, yaw, pitch]: [f64; 3],
     start: &mut [f64; 3],
 ) -> ScannerPose {
     let [mut y, mut z, mut roll] = *start;
     for _ in 0..4 {
-        let pose = ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw]);
+        let pose = mounted.moved_to([x, y, z], [roll, pitch, yaw]);
         let faces = [Face::Right, Face::Upper, Face::Left];
         let (mut sum_y, mut walls, mut sum_roll, mut weight) = (0.0, 0.0, 0.0, 0.0);
         let mut moved = 0.0f64;
@@ -354,15 +356,15 @@ fn pose_on_lines(
             if !line.is_seen() {
                 continue;
             }
-            let predicted = pose.line(face);
-            let d_m = line.normal.d_m - predicted.normal.d_m;
+            let predicted = pose.normal(face);
+            let d_m = line.normal.d_m - predicted.d_m;
             match face {
                 Face::Upper => (z, moved) = (z - d_m, d_m.abs()),
                 Face::Right => (sum_y, walls) = (sum_y - d_m, walls + 1.0),
                 Face::Left => (sum_y, walls) = (sum_y + d_m, walls + 1.0),
             }
             let w = 1.0 / line.cov_aa.max(1e-12);
-            sum_roll += w * (predicted.normal.alpha_rad - line.normal.alpha_rad);
+            sum_roll += w * (predicted.alpha_rad - line.normal.alpha_rad);
             weight += w;
         }
         if walls > 0.0 {
@@ -378,7 +380,7 @@ fn pose_on_lines(
         }
     }
     *start = [y, z, roll];
-    ScannerPose::new(frame, [x, y, z], [roll, pitch, yaw])
+    mounted.moved_to([x, y, z], [roll, pitch, yaw])
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What every beam met: a strip's face, what is behind it, something in between, or nobody knows.
 
-use super::{components, footprint};
+use super::footprint;
+use super::planes::Planes;
 use crate::frame::Frame;
 use crate::record::{BeamTable, ReflectorLines, Scan};
 
@@ -26,8 +27,6 @@ const SUPPORT_SHARE: f64 = 0.15;
 const BEHIND_WEIGHT: [f64; 2] = [0.4, 1.1];
 /// What its range, as a share of the way to the surface behind, may be off.
 const MIXED_SLACK: f64 = 0.03;
-/// A beam goes into a corner behind if another surface is as near to this share.
-const CORNER: f64 = 0.99;
 /// Mixed pixels lie no further than this from the sure beams around them, beams.
 const MIXED_NEAR: usize = 2;
 
@@ -60,9 +59,6 @@ pub(super) struct Beam {
     pub excess_m: f64,
     /// How far behind the line the next surface is, m.
     pub depth_m: f64,
-    /// Cosine of incidence on the face, and on the surface behind; NaN near a corner behind, where
-    /// it may be either of two.
-    pub cos_incidence: [f64; 2],
 }
 
 /// No face with strips.
@@ -75,7 +71,6 @@ impl Beam {
         face_m: f64::NAN,
         excess_m: f64::NAN,
         depth_m: f64::NAN,
-        cos_incidence: [f64::NAN; 2],
     };
 
     fn is(&self, state: State, face: u8) -> bool {
@@ -90,100 +85,85 @@ pub(super) fn classify(
     scan: &Scan,
     lines: &ReflectorLines,
     table: &BeamTable,
+    planes: &Planes,
     beams: &mut Vec<Beam>,
 ) {
     let fitted = lines.lines();
     let gap_m = frame.bounds.background_gap_m;
-    // A line that was not seen is met nowhere.
-    let planes = fitted.map(|line| {
-        if line.is_seen() {
-            components(&line.normal)
-        } else {
-            (0.0, 0.0, f64::INFINITY)
-        }
-    });
-    let scale = 1.0 / frame.calibration.range_scale;
-    let bias_m =
-        frame.calibration.range_bias_m + lines.range_bias_m * frame.calibration.range_scale;
-    let tolerances_m = fitted.map(|line| (HIT_SIGMA * line.rms_m).clamp(HIT_MIN_M, HIT_MAX_M));
-    let wanted = [0, 1, 2].map(|k| with_strips[k] && fitted[k].is_seen());
-    let second = scan.further_ranges_m.first();
-    let at_rest = table.motion().is_rest();
-    let mut inverse_m = planes.map(|(_, _, d_m)| 1.0 / d_m);
-    let mut inverse_behind_m = planes.map(|(_, _, d_m)| 1.0 / (d_m + gap_m.unwrap_or(0.0)));
+    let ranging = Ranging {
+        bias_m: frame.calibration.range_bias_m + lines.range_bias_m * frame.calibration.range_scale,
+        scale: 1.0 / frame.calibration.range_scale,
+        with_behind: gap_m.is_some(),
+    };
     beams.clear();
-    let rays = table.cos_sin.iter().zip(scan.ranges_m.iter());
-    for (i, ((cos, sin), range_m)) in rays.enumerate() {
-        if !at_rest {
-            // A moving scanner's beam starts nearer to a line or further from it.
-            let (y_m, z_m) = table.origin_m(i);
-            for (j, (y, z, d_m)) in planes.iter().enumerate() {
-                let d_m = d_m - (y_m * y + z_m * z);
-                inverse_m[j] = 1.0 / d_m;
-                inverse_behind_m[j] = 1.0 / (d_m + gap_m.unwrap_or(0.0));
+    beams.resize(scan.beams(), Beam::NOTHING);
+    let (mut first, mut last) = (scan.beams(), 0);
+    for face in (0..3).filter(|k| with_strips[*k] && fitted[*k].is_seen()) {
+        let tolerance_m = (HIT_SIGMA * fitted[face].rms_m).clamp(HIT_MIN_M, HIT_MAX_M);
+        for (run, meetings) in planes.runs(face, table) {
+            (first, last) = (first.min(run.start), last.max(run.end));
+            let ranges_m = &scan.ranges_m[run.clone()];
+            let run = beams[run].iter_mut().zip(ranges_m).zip(meetings);
+            for ((beam, range_m), (face_m, behind_m)) in run {
+                // A face that a beam turns away from is not met.
+                if face_m > 0.0 && face_m < f64::INFINITY {
+                    *beam = ranging.beam(face as u8, tolerance_m, *range_m, face_m, behind_m);
+                }
             }
         }
-        let along = planes.map(|(y, z, _)| cos * y + sin * z);
-        let nearest = |inverse: &[f64; 3]| {
-            let reach = [0, 1, 2].map(|j| along[j] * inverse[j]);
-            let (k, other) = if reach[0] >= reach[1] { (0, 1) } else { (1, 0) };
-            if reach[2] > reach[k] {
-                (2, reach[2], reach[k])
-            } else {
-                (k, reach[k], reach[2].max(reach[other]))
+    }
+    if let Some(second_m) = scan.further_ranges_m.first() {
+        for (beam, range_m) in beams.iter_mut().zip(second_m.iter()) {
+            if beam.state == State::Hit && range_m.is_finite() {
+                beam.state = State::Both;
             }
-        };
-        let (k, own, _) = nearest(&inverse_m);
-        if !wanted[k] || !(own > 0.0) {
-            beams.push(Beam::NOTHING);
-            continue;
         }
-        let (k_behind, behind, behind_too) = nearest(&inverse_behind_m);
-        let face_m = 1.0 / own;
-        let excess_m = (range_m - bias_m) * scale - face_m;
-        let depth_m = 1.0 / behind - face_m;
-        let state = match gap_m {
-            _ if excess_m.abs() <= tolerances_m[k] => State::Hit,
-            _ if range_m.is_nan() || excess_m < 0.0 => State::Unknown,
-            Some(_) if *range_m == f64::INFINITY => State::Unknown,
-            None => State::Gap,
-            Some(_) if excess_m >= GAP_SHARE * depth_m => State::Gap,
-            Some(_) => State::Mixed,
-        };
-        let again = second
-            .and_then(|second| second.get(i))
-            .is_some_and(|r| r.is_finite());
-        beams.push(Beam {
-            state: if state == State::Hit && again {
-                State::Both
-            } else {
-                state
-            },
-            face: k as u8,
-            face_m,
-            excess_m,
-            depth_m,
-            cos_incidence: [
-                along[k],
-                if behind_too > CORNER * behind {
-                    f64::NAN
-                } else {
-                    along[k_behind]
-                },
-            ],
-        });
     }
     // The rest is about faces with strips.
-    let first = beams.iter().position(|b| b.face != NO_FACE);
-    let last = beams.iter().rposition(|b| b.face != NO_FACE);
-    let (Some(first), Some(last)) = (first, last) else {
+    let Some(beams) = beams.get_mut(first..last) else {
         return;
     };
-    let beams = &mut beams[first..=last];
     drop_unsupported(beams, gap_m.is_some());
     drop_contradictions(beams);
     if gap_m.is_some() {
         mark_short(beams, fitted.map(|line| line.rms_m));
+    }
+}
+
+/// How a range is read.
+#[derive(Clone, Copy)]
+struct Ranging {
+    bias_m: f64,
+    scale: f64,
+    /// Whether there is a surface behind the faces.
+    with_behind: bool,
+}
+
+impl Ranging {
+    /// What a beam met that has `face_m` to go to its face and `behind_m` to the surface behind.
+    fn beam(&self, face: u8, tolerance_m: f64, range_m: f64, face_m: f64, behind_m: f64) -> Beam {
+        let excess_m = (range_m - self.bias_m) * self.scale - face_m;
+        let depth_m = behind_m - face_m;
+        let state = if excess_m.abs() <= tolerance_m {
+            State::Hit
+        } else if range_m.is_nan() || excess_m < 0.0 {
+            State::Unknown
+        } else if !self.with_behind {
+            State::Gap
+        } else if range_m == f64::INFINITY {
+            State::Unknown
+        } else if excess_m >= GAP_SHARE * depth_m {
+            State::Gap
+        } else {
+            State::Mixed
+        };
+        Beam {
+            state,
+            face,
+            face_m,
+            excess_m,
+            depth_m,
+        }
     }
 }
 

@@ -11,12 +11,14 @@ mod classification;
 mod footprint;
 mod photometer;
 mod photometry;
+mod planes;
 
 use crate::frame::Frame;
 use crate::record::{BeamTable, Edge, EdgeKind, Face, NormalLine, ReflectorLines, Scan};
 use association::Association;
 use classification::{Beam, State};
 use photometer::{Photometer, View};
+use planes::Planes;
 
 /// A spot that came back from both surfaces as two echoes covers both by some per cent: its centre is
 /// within this many spot radii of the edge.
@@ -80,7 +82,17 @@ impl EdgeMeter {
     pub fn measure(&mut self, scan: &Scan, lines: &mut ReflectorLines) {
         self.table.fit_moving(scan, lines.motion());
         let (table, beams, found) = (&self.table, &mut self.beams, &mut self.found);
-        classification::classify(&self.frame, self.with_strips, scan, lines, table, beams);
+        let gap_m = self.frame.bounds.background_gap_m.unwrap_or(0.0);
+        let planes = Planes::new(lines, table.motion(), gap_m);
+        classification::classify(
+            &self.frame,
+            self.with_strips,
+            scan,
+            lines,
+            table,
+            &planes,
+            beams,
+        );
         found.clear();
         classification::transitions(beams, |at| {
             let seen_rad = |i: usize| table.seen_rad(i, beams[i].face_m);
@@ -110,6 +122,7 @@ impl EdgeMeter {
             let view = View {
                 scan,
                 table,
+                planes: &planes,
                 beams,
                 lines,
                 pose: &pose,

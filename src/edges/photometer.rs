@@ -7,6 +7,7 @@ use super::Found;
 use super::classification::{Beam, State};
 use super::footprint::{Slant, Spot};
 use super::photometry::{self, Light, Sample, Start, StripFit};
+use super::planes::Planes;
 use crate::frame::{Frame, ScannerPose};
 use crate::record::{BeamTable, Edge, EdgeBasis, EdgeKind, ReflectorLines, Scan};
 
@@ -92,6 +93,7 @@ pub(super) struct Photometer {
 pub(super) struct View<'a> {
     pub scan: &'a Scan,
     pub table: &'a BeamTable,
+    pub planes: &'a Planes,
     pub beams: &'a [Beam],
     pub lines: &'a ReflectorLines,
     pub pose: &'a ScannerPose,
@@ -230,7 +232,9 @@ impl Photometer {
                     at_ceiling += 1;
                 }
             }
-            let Some(measured) = Measured::of(beam, f64::from(first), echoes, i) else {
+            let cos_incidence = view.planes.cos_incidence(beam.face, view.table, i);
+            let Some(measured) = Measured::of(beam, cos_incidence, f64::from(first), echoes, i)
+            else {
                 continue;
             };
             if place == Place::Strip {
@@ -297,11 +301,16 @@ struct Measured {
 
 impl Measured {
     /// None where the light cannot be laid to strip and background.
-    fn of(beam: &Beam, digits: f64, echoes: Option<Echoes<'_>>, i: usize) -> Option<Measured> {
+    fn of(
+        beam: &Beam,
+        [on_face, on_behind]: [f64; 2],
+        digits: f64,
+        echoes: Option<Echoes<'_>>,
+        i: usize,
+    ) -> Option<Measured> {
         // Remissions are brought to a common range; the surface is the one whose range came back.
         let corrected =
             |digits: f64, behind_m: f64| digits * ((beam.face_m + behind_m) / REFERENCE_M).sqrt();
-        let [on_face, on_behind] = beam.cos_incidence;
         if let Some(echoes) = echoes {
             let value = corrected(digits, beam.excess_m);
             let single = |light: Light, cos: f64| Measured {
@@ -430,22 +439,26 @@ impl Window {
         let face = edge.face as u8;
         let slant = |e: &Edge| Slant::new(&meter.spot, view.pose, view.lines, e, slope);
         let increment_rad = view.table.increment_rad();
-        let spot_beams = |e: &Edge| {
-            let beams = 1.2 / (slant(e).spots_per_rad * increment_rad);
+        let spot_beams = |slant: &Slant| {
+            let beams = 1.2 / (slant.spots_per_rad * increment_rad);
             beams.ceil().clamp(1.0, 1e3) as usize
         };
         let last_beam = view.scan.beams() - 1;
-        let near = edges.map(|k| {
-            k.map(|k| {
-                let spot = spot_beams(&found[k].edge);
-                let (before, behind) = found[k].beams;
-                (before.saturating_sub(spot), (behind + spot).min(last_beam))
-            })
+        let near = |k: usize, slant: &Slant| {
+            let spot = spot_beams(slant);
+            let (before, behind) = found[k].beams;
+            (before.saturating_sub(spot), (behind + spot).min(last_beam))
+        };
+        let own = slant(edge);
+        let near = edges.map(|k| match k {
+            Some(k) if k == first => Some(near(k, &own)),
+            Some(k) => Some(near(k, &slant(&found[k].edge))),
+            None => None,
         });
         // Up to the next thing on the face.
         let lead = edges.iter().flatten().min().copied().unwrap_or(first);
         let trail = edges.iter().flatten().max().copied().unwrap_or(first);
-        let spot = spot_beams(edge);
+        let spot = spot_beams(&own);
         let low = match lead.checked_sub(1).map(|k| &found[k]) {
             Some(f) if f.edge.face == edge.face => f.beams.1 + spot,
             _ => 0,
@@ -462,13 +475,12 @@ impl Window {
             Some((_, end)) => end + OUTSIDE,
             None => near[0].map_or(0, |(_, end)| end + INSIDE),
         };
-        let slant = slant(edge);
         Window {
             face,
             edges,
             ends: [start.max(low), end.min(high).min(last_beam)],
             near,
-            slant,
+            slant: own,
             increment_rad,
         }
     }
@@ -502,10 +514,13 @@ impl Window {
 
 /// The digit at which the device's remissions end, if beams are there.
 fn ceiling(remissions: &[f32]) -> Option<f32> {
-    let top = remissions.iter().copied().fold(0.0f32, f32::max);
+    let top = highest(remissions);
     let at_top = remissions.iter().filter(|r| **r == top).count();
     if CEILINGS.contains(&top) {
         return (at_top >= 2).then_some(top);
+    }
+    if at_top < CEILING_BEAMS || top <= 30.0 {
+        return None;
     }
     // Digits so coarse that many beams share one are no ceiling: then the next lower is common too.
     let below = top * 0.97;
@@ -513,5 +528,18 @@ fn ceiling(remissions: &[f32]) -> Option<f32> {
         .iter()
         .filter(|r| **r < top && **r >= below)
         .count();
-    (at_top >= CEILING_BEAMS && at_top > 2 * close && top > 30.0).then_some(top)
+    (at_top > 2 * close).then_some(top)
+}
+
+/// The highest of some numbers, at least 0. Eight of them are compared at a time.
+fn highest(numbers: &[f32]) -> f32 {
+    let mut top = [0.0f32; 8];
+    let eights = numbers.chunks_exact(8);
+    let rest = eights.remainder();
+    for eight in eights {
+        for (top, number) in top.iter_mut().zip(eight) {
+            *top = if *number > *top { *number } else { *top };
+        }
+    }
+    top.iter().chain(rest).copied().fold(0.0, f32::max)
 }

@@ -131,13 +131,38 @@ struct Prediction {
     cuts: [bool; 2],
 }
 
+/// Sums of the normal equations over beams.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// The upper triangle.
+    normal: SMatrix<f64, N, N>,
+    gradient: SVector<f64, N>,
+    footprint: SVector<f64, N>,
+}
+
+impl Sums {
+    /// Adds a beam that tells of the parameters from `FROM` on.
+    fn add<const FROM: usize>(&mut self, weight: f64, residual: f64, prediction: &Prediction) {
+        let row = &prediction.row;
+        for i in FROM..N {
+            let w = weight * row[i];
+            for j in i..N {
+                self.normal[(i, j)] += w * row[j];
+            }
+            self.gradient[i] += w * residual;
+            self.footprint[i] += w * prediction.d_footprint;
+        }
+    }
+}
+
 /// e^x, for the small powers of a cosine that occur within a window.
 fn small_exp(x: f64) -> f64 {
     if x.abs() > 0.25 {
         return x.exp();
     }
-    1.0 + x
-        * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0)))))
+    // Factors in place of divisors, which each would have to wait for.
+    const C: [f64; 5] = [1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0];
+    1.0 + x * (1.0 + x * (C[0] + x * (C[1] + x * (C[2] + x * (C[3] + x * C[4])))))
 }
 
 fn predict(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2], noise: [f64; 2]) -> Prediction {
@@ -213,7 +238,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         return None;
     }
     let spots_per_rad = samples[samples.len() / 2].spots_per_rad;
-    let mut normal = SMatrix::<f64, N, N>::zeros();
+    let mut factors = None;
     let mut footprint = SVector::<f64, N>::zeros();
     let prior_information = 1.0 / (start.exponent.1 * start.exponent.1);
     let mut scatter = [(0.0, 0.0); 2];
@@ -222,16 +247,15 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     let mut closest_rad = [[f64::INFINITY; 2]; 2];
     let mut far = f64::INFINITY;
     for iteration in 0..ITERATIONS {
-        normal = SMatrix::zeros();
-        footprint = SVector::zeros();
-        let mut gradient = SVector::<f64, N>::zeros();
+        let mut sums = Sums::default();
         scatter = [(0.0, 0.0); 2];
         near_sum = [0.0; 2];
         near = [0; 2];
         for sample in samples {
             let prediction = predict(&p, sample, there, start.noise);
             let residual = sample.value - prediction.value;
-            let square = residual * residual / prediction.variance;
+            let information = 1.0 / prediction.variance;
+            let square = residual * residual * information;
             let cut = prediction.cuts[0] || prediction.cuts[1];
             let mut weight = 1.0;
             if square > HUBER * HUBER && !(cut && iteration < LENIENT) {
@@ -256,18 +280,20 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             let noise = residual * residual - sample.rounding * sample.rounding;
             scatter[of].0 += weight * noise / (relative * relative);
             scatter[of].1 += 1.0;
-            let w = weight / prediction.variance;
-            let row = &prediction.row;
+            let w = weight * information;
             // Most beams are cut by no edge and tell of the levels alone.
-            for i in if cut { 0 } else { STRIP }..N {
-                let wi = w * row[i];
-                for j in i..N {
-                    normal[(i, j)] += wi * row[j];
-                }
-                gradient[i] += wi * residual;
-                footprint[i] += wi * prediction.d_footprint;
+            if cut {
+                sums.add::<FIRST>(w, residual, &prediction);
+            } else {
+                sums.add::<STRIP>(w, residual, &prediction);
             }
         }
+        let Sums {
+            mut normal,
+            mut gradient,
+            ..
+        } = sums;
+        footprint = sums.footprint;
         normal.fill_lower_triangle_with_upper_triangle();
         normal[(EXPONENT, EXPONENT)] += prior_information;
         gradient[EXPONENT] += prior_information * (start.exponent.0 - p[EXPONENT]);
@@ -280,7 +306,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
                 gradient[k] += information * (at - p[k]);
             }
         }
-        let step = normal.cholesky()?.solve(&gradient);
+        let step = factors.insert(normal.cholesky()?).solve(&gradient);
         far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
         // A beam at the rim of the spot can make the steps swing; shorter ones settle.
         let most = if iteration < SWINGING {
@@ -300,7 +326,7 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
     if !(far < SETTLED) {
         return None;
     }
-    let covariance = normal.cholesky()?.inverse();
+    let covariance = factors?.inverse();
     let d_footprint = -(covariance * footprint);
     let variance = |k: usize| {
         if there[k] {

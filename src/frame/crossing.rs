@@ -161,15 +161,37 @@ impl ScannerPose {
         mul_transposed(&self.mounting, mul_transposed(&self.rotation, direction))
     }
 
-    /// The line in which the scan plane cuts `face` (02-geometry: d = distance / sqrt(1 - n^2)).
-    pub fn line(&self, face: Face) -> FaceLine {
+    /// The line in which the scan plane cuts `face`, without derivatives.
+    pub fn normal(&self, face: Face) -> NormalLine {
+        let Outward {
+            in_s, distance_m, ..
+        } = self.outward(face);
+        let norm = (in_s[1] * in_s[1] + in_s[2] * in_s[2]).sqrt();
+        NormalLine::new(distance_m / norm, in_s[2].atan2(in_s[1]))
+    }
+
+    fn outward(&self, face: Face) -> Outward {
         let (axis, at_m) = plane(face, &self.bounds);
         let sign = if at_m < 0.0 { -1.0 } else { 1.0 };
-        let mut outward = [0.0; 3];
-        outward[axis] = sign;
-        let in_p = mul_transposed(&self.rotation, outward);
-        let in_s = mul_transposed(&self.mounting, in_p);
-        let distance_m = at_m.abs() - dot(outward, self.origin_m);
+        let mut in_b = [0.0; 3];
+        in_b[axis] = sign;
+        let in_p = mul_transposed(&self.rotation, in_b);
+        Outward {
+            in_b,
+            in_p,
+            in_s: mul_transposed(&self.mounting, in_p),
+            distance_m: at_m.abs() - dot(in_b, self.origin_m),
+        }
+    }
+
+    /// The line in which the scan plane cuts `face` (02-geometry: d = distance / sqrt(1 - n^2)).
+    pub fn line(&self, face: Face) -> FaceLine {
+        let Outward {
+            in_b: outward,
+            in_p,
+            in_s,
+            distance_m,
+        } = self.outward(face);
         let norm_sq = in_s[1] * in_s[1] + in_s[2] * in_s[2];
         let norm = norm_sq.sqrt();
         let mut d_d = [0.0; 6];
@@ -199,6 +221,14 @@ impl ScannerPose {
             d_alpha,
         }
     }
+}
+
+/// A face's normal, out of the box, in three axes, and how far the scanner is from the face.
+struct Outward {
+    in_b: Vec3,
+    in_p: Vec3,
+    in_s: Vec3,
+    distance_m: f64,
 }
 
 /// The axis (1 is y, 2 is z) and the coordinate of a face's plane.

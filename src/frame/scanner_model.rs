@@ -96,6 +96,7 @@ pub struct Optics {
 
 impl Optics {
     /// Diameter of the spot at a range, m.
+    #[inline]
     pub fn diameter_m(&self, range_m: f64) -> f64 {
         self.spot_m + self.divergence_rad * range_m
     }

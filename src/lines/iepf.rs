@@ -4,13 +4,11 @@
 //! Collinear neighbours are joined afterwards ([`super::runs`]), which makes it the split-and-merge
 //! of the comparison by Nguyen et al. (2005); Kurniawan 2017, section 4.3.1.
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::cutting::{Cutter, Cutting};
+use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
-use super::runs::{MergeRule, Runs};
-use super::segmentation::Returns;
+use super::runs::Runs;
 use super::split_and_merge::farthest_from_chord;
-use crate::record::{NormalLine, Scan, Segment};
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,28 +31,36 @@ impl Default for IepfOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type Iepf = Cutting<EndPoints>;
+
+/// Cuts a group at the point farthest from its chord, again and again.
 #[derive(Clone, Debug, Default)]
-pub struct Iepf {
-    /// The settings; may be changed between scans.
-    pub options: IepfOptions,
-    returns: Returns,
+pub struct EndPoints {
+    options: IepfOptions,
     prefix: PrefixSums,
     pending: Vec<(usize, usize)>,
-    runs: Runs,
-    assembly: Assembly,
 }
 
-impl Iepf {
-    /// An extractor with the given settings.
-    pub fn new(options: IepfOptions) -> Iepf {
-        Iepf {
+impl Cutter for EndPoints {
+    type Options = IepfOptions;
+
+    fn new(options: IepfOptions) -> EndPoints {
+        EndPoints {
             options,
-            ..Iepf::default()
+            ..EndPoints::default()
         }
     }
 
-    fn split(&mut self, group: BeamSlice<'_>, offset: usize) {
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn merge_chi2(&self) -> f64 {
+        self.options.merge_chi2
+    }
+
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         self.prefix.read(group);
         let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
         self.pending.clear();
@@ -69,7 +75,7 @@ impl Iepf {
                 self.pending.push((a, corner));
             } else {
                 let sums = self.prefix.between(a, b);
-                self.runs.push(offset + a, offset + b, sums);
+                runs.push(offset + a, offset + b, sums);
             }
         }
     }
@@ -86,30 +92,5 @@ fn from_chord_m(run: BeamSlice<'_>, k: usize) -> f64 {
         (y * dz - z * dy).abs() / chord_m
     } else {
         y.hypot(z)
-    }
-}
-
-impl Extractor for Iepf {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        let options = self.options.common;
-        self.returns.read(scan, &options.segmentation);
-        self.runs.clear();
-        let returns = std::mem::take(&mut self.returns);
-        for (from, to) in returns.groups() {
-            self.split(returns.beams().run(from, to), from);
-        }
-        self.returns = returns;
-        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
-        self.runs.merge(&self.returns, &rule);
-        self.assembly
-            .add_all(scan, &self.returns, &self.runs, &options, out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
     }
 }

@@ -5,12 +5,10 @@
 //! through two beams is not held to its extrapolation (Kurniawan 2017, section 4.3.2, compares the
 //! distance alone). Running sums make it one pass at a constant cost a beam.
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::cutting::{Cutter, Cutting};
+use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
-use super::runs::{MergeRule, Runs};
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use super::runs::Runs;
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,28 +31,36 @@ impl Default for IncrementalOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type Incremental = Cutting<Tracking>;
+
+/// Cuts a group where a line that grows beam by beam ends.
 #[derive(Clone, Debug, Default)]
-pub struct Incremental {
-    /// The settings; may be changed between scans.
-    pub options: IncrementalOptions,
-    returns: Returns,
+pub struct Tracking {
+    options: IncrementalOptions,
     prefix: PrefixSums,
-    runs: Runs,
-    assembly: Assembly,
 }
 
-impl Incremental {
-    /// An extractor with the given settings.
-    pub fn new(options: IncrementalOptions) -> Incremental {
-        Incremental {
+impl Cutter for Tracking {
+    type Options = IncrementalOptions;
+
+    fn new(options: IncrementalOptions) -> Tracking {
+        Tracking {
             options,
-            ..Incremental::default()
+            ..Tracking::default()
         }
     }
 
-    fn track(&mut self, group: BeamSlice<'_>, offset: usize) {
-        let first_run = self.runs.len();
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn merge_chi2(&self) -> f64 {
+        self.options.merge_chi2
+    }
+
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
+        let first_run = runs.len();
         self.prefix.read(group);
         let limit_m = self.options.end_sigmas * self.options.common.segmentation.sigma_m;
         let mut from = 0;
@@ -63,7 +69,7 @@ impl Incremental {
             let next_m2 = self.prefix.cost_m2(from, to);
             if next_m2 - cost_m2 > limit_m * limit_m {
                 let sums = self.prefix.between(from, to - 1);
-                self.runs.push(offset + from, offset + to - 1, sums);
+                runs.push(offset + from, offset + to - 1, sums);
                 from = to - 1;
                 cost_m2 = 0.0;
             } else {
@@ -71,33 +77,8 @@ impl Incremental {
             }
         }
         let sums = self.prefix.between(from, group.len());
-        self.runs.push(offset + from, offset + group.len(), sums);
+        runs.push(offset + from, offset + group.len(), sums);
         // Behind a corner the line goes on for as long as it takes to notice.
-        self.runs.settle_borders(first_run, offset, &self.prefix);
-    }
-}
-
-impl Extractor for Incremental {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        let options = self.options.common;
-        self.returns.read(scan, &options.segmentation);
-        self.runs.clear();
-        let returns = std::mem::take(&mut self.returns);
-        for (from, to) in returns.groups() {
-            self.track(returns.beams().run(from, to), from);
-        }
-        self.returns = returns;
-        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
-        self.runs.merge(&self.returns, &rule);
-        self.assembly
-            .add_all(scan, &self.returns, &self.runs, &options, out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
+        runs.settle_borders(first_run, offset, &self.prefix);
     }
 }

@@ -6,12 +6,10 @@
 //! in O(1). Beams of windows that agree make a run; runs that overlap at a corner are parted where
 //! both sides fit best.
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::cutting::{Cutter, Cutting};
+use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
-use super::runs::{MergeRule, Runs};
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use super::runs::Runs;
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,29 +35,37 @@ impl Default for LineRegressionOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type LineRegression = Cutting<Windows>;
+
+/// Makes runs of the windows of a group that agree.
 #[derive(Clone, Debug, Default)]
-pub struct LineRegression {
-    /// The settings; may be changed between scans.
-    pub options: LineRegressionOptions,
-    returns: Returns,
+pub struct Windows {
+    options: LineRegressionOptions,
     prefix: PrefixSums,
     /// Runs of the group at hand.
     found: Vec<(usize, usize)>,
-    runs: Runs,
-    assembly: Assembly,
 }
 
-impl LineRegression {
-    /// An extractor with the given settings.
-    pub fn new(options: LineRegressionOptions) -> LineRegression {
-        LineRegression {
+impl Cutter for Windows {
+    type Options = LineRegressionOptions;
+
+    fn new(options: LineRegressionOptions) -> Windows {
+        Windows {
             options,
-            ..LineRegression::default()
+            ..Windows::default()
         }
     }
 
-    fn regress(&mut self, group: BeamSlice<'_>, offset: usize) {
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn merge_chi2(&self) -> f64 {
+        self.options.merge_chi2
+    }
+
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         let n = group.len();
         let window = self.options.window.max(2);
         if n < 2 * window {
@@ -104,7 +110,7 @@ impl LineRegression {
         for (from, to) in &self.found {
             if from < to {
                 let sums = prefix.between(*from, *to);
-                self.runs.push(offset + from, offset + to, sums);
+                runs.push(offset + from, offset + to, sums);
             }
         }
     }
@@ -114,29 +120,4 @@ impl LineRegression {
 fn straight_chi2(degrees: f64) -> f64 {
     let spread = 2.0 / (9.0 * degrees.max(1.0));
     degrees.max(1.0) * (1.0 - spread + 3.3 * spread.sqrt()).powi(3)
-}
-
-impl Extractor for LineRegression {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        let options = self.options.common;
-        self.returns.read(scan, &options.segmentation);
-        self.runs.clear();
-        let returns = std::mem::take(&mut self.returns);
-        for (from, to) in returns.groups() {
-            self.regress(returns.beams().run(from, to), from);
-        }
-        self.returns = returns;
-        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
-        self.runs.merge(&self.returns, &rule);
-        self.assembly
-            .add_all(scan, &self.returns, &self.runs, &options, out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
-    }
 }

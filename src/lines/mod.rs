@@ -9,16 +9,19 @@
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
 //! - [`iepf`], [`incremental`], [`line_regression`] the classical ways to the same
+//! - [`cutting`] what these four share
 //! - [`ml`] the most likely partition into runs
 //! - [`known_lines`] a second look at a scan, with the lines of the first
 //! - [`runs`] runs of beams joined where one line explains them together
 //! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken
 //! - [`pool`] those beams
+//! - [`methods`] all of them by name
 //! - [`assembly`] segments from beams on one line each
 //!
 //! [`dissertation`] goes Kurniawan's way to a frame's three lines and the ends of its strips.
 
 pub mod assembly;
+pub mod cutting;
 pub mod dissertation;
 pub mod em;
 pub mod extractor;
@@ -28,6 +31,7 @@ pub mod iepf;
 pub mod incremental;
 pub mod known_lines;
 pub mod line_regression;
+pub mod methods;
 pub mod ml;
 pub mod pool;
 pub mod ransac;

@@ -7,12 +7,10 @@
 //! microseconds. Each line is then freed of outliers and fitted by maximum likelihood in the ranges
 //! ([`super::fit`]).
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::cutting::{Cutter, Cutting};
+use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
-use super::runs::{MergeRule, Runs};
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use super::runs::Runs;
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,62 +38,40 @@ impl Default for SplitAndMergeOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type SplitAndMerge = Cutting<Splitting>;
+
+/// Splits a group where a beam is too far off, or where two lines are much better than one.
 #[derive(Clone, Debug, Default)]
-pub struct SplitAndMerge {
-    /// The settings; may be changed between scans.
-    pub options: SplitAndMergeOptions,
-    returns: Returns,
+pub struct Splitting {
+    options: SplitAndMergeOptions,
     prefix: PrefixSums,
     pending: Vec<(usize, usize)>,
-    runs: Runs,
-    assembly: Assembly,
 }
 
-impl Extractor for SplitAndMerge {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        let options = self.options.common;
-        self.returns.read(scan, &options.segmentation);
-        self.split();
-        let rule = MergeRule::new(self.options.merge_chi2, &options, scan);
-        self.runs.merge(&self.returns, &rule);
-        self.assembly
-            .add_all(scan, &self.returns, &self.runs, &options, out);
-    }
+impl Cutter for Splitting {
+    type Options = SplitAndMergeOptions;
 
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
-    }
-}
-
-impl SplitAndMerge {
-    /// An extractor with the given settings.
-    pub fn new(options: SplitAndMergeOptions) -> SplitAndMerge {
-        SplitAndMerge {
+    fn new(options: SplitAndMergeOptions) -> Splitting {
+        Splitting {
             options,
-            ..SplitAndMerge::default()
+            ..Splitting::default()
         }
     }
 
-    fn split(&mut self) {
-        self.runs.clear();
-        let returns = std::mem::take(&mut self.returns);
-        for (from, to) in returns.groups() {
-            self.split_group(&returns, from, to);
-        }
-        self.returns = returns;
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
     }
 
-    fn split_group(&mut self, returns: &Returns, from: usize, to: usize) {
-        let group = returns.beams().run(from, to);
+    fn merge_chi2(&self) -> f64 {
+        self.options.merge_chi2
+    }
+
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         self.prefix.read(group);
-        let first_run = self.runs.len();
+        let first_run = runs.len();
         self.pending.clear();
-        self.pending.push((0, to - from));
+        self.pending.push((0, group.len()));
         while let Some((a, b)) = self.pending.pop() {
             let border = self
                 .farthest_beam(group, a, b)
@@ -108,13 +84,15 @@ impl SplitAndMerge {
                 }
                 None => {
                     let sums = self.prefix.between(a, b);
-                    self.runs.push(from + a, from + b, sums);
+                    runs.push(offset + a, offset + b, sums);
                 }
             }
         }
-        self.runs.settle_borders(first_run, from, &self.prefix);
+        runs.settle_borders(first_run, offset, &self.prefix);
     }
+}
 
+impl Splitting {
     /// Where to split `a..b` because a beam is too far off its line: at the beam farthest from the
     /// chord between the ends, which is a corner where the run has one.
     fn farthest_beam(&self, group: BeamSlice<'_>, a: usize, b: usize) -> Option<usize> {
@@ -207,7 +185,9 @@ fn largest_of(mut values: [f64; BLOCK]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::extractor::Extractor;
     use super::*;
+    use crate::record::{Scan, Segment};
     use proptest::prelude::*;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;

@@ -99,21 +99,32 @@ impl BeamTable {
             return;
         }
         self.turned = turns;
-        self.cos_sin.clear();
         if !turns {
-            self.cos_sin.extend_from_slice(&self.at_rest);
+            self.cos_sin.clone_from(&self.at_rest);
             return;
         }
-        let first = -self.reference_index() * self.time_increment_s * self.motion.roll_rad_s;
         let step = self.time_increment_s * self.motion.roll_rad_s;
-        self.cos_sin
-            .extend(self.at_rest.iter().enumerate().map(|(i, (cos, sin))| {
-                let (sin_turn, cos_turn) = small_sin_cos(first + i as f64 * step);
-                (
-                    cos * cos_turn - sin * sin_turn,
-                    sin * cos_turn + cos * sin_turn,
-                )
-            }));
+        let first = -self.reference_index() * step;
+        let last = first + self.at_rest.len() as f64 * step;
+        // The choice is made once a scan, so that the loop has no branch.
+        if first.abs().max(last.abs()) < SMALL_TURN_RAD {
+            self.turn_by(first, step, small_sin_cos);
+        } else {
+            self.turn_by(first, step, f64::sin_cos);
+        }
+    }
+
+    /// Fills `cos_sin` with beam `i` turned by `first + i * step`.
+    fn turn_by(&mut self, first: f64, step: f64, sin_cos: impl Fn(f64) -> (f64, f64)) {
+        self.cos_sin.resize(self.at_rest.len(), (0.0, 0.0));
+        let rays = self.cos_sin.iter_mut().zip(&self.at_rest);
+        for (i, (turned, (cos, sin))) in (0i32..).zip(rays) {
+            let (sin_turn, cos_turn) = sin_cos(first + f64::from(i) * step);
+            *turned = (
+                cos * cos_turn - sin * sin_turn,
+                sin * cos_turn + cos * sin_turn,
+            );
+        }
     }
 
     /// The motion that is in the table.
@@ -160,12 +171,12 @@ impl BeamTable {
             return angle_rad;
         }
         let tau_s = self.time_s(i);
-        let (sin, cos) = (angle_rad + self.motion.roll_rad_s * tau_s).sin_cos();
+        let (cos, sin) = self.cos_sin[i];
         let (y, z) = self.origin_m(i);
         // The origin in the beam's own axes: along it and to the left of it.
         let along_m = range_m + y * cos + z * sin;
         let aside_m = z * cos - y * sin;
-        angle_rad + self.motion.roll_rad_s * tau_s + aside_m.atan2(along_m)
+        angle_rad + self.motion.roll_rad_s * tau_s + small_angle(aside_m, along_m)
     }
 
     /// Stated angle of the beam that passes through a point given by its angle (rad) and distance
@@ -205,17 +216,28 @@ impl BeamTable {
     }
 }
 
-/// Sine and cosine of a turn within one scan; exact to rounding up to a tenth of a radian, and
-/// without branches below that.
-fn small_sin_cos(x: f64) -> (f64, f64) {
-    if x.abs() > 0.1 {
-        return x.sin_cos();
+/// The angle of a point that lies `along` an axis and a little `aside` from it, as `atan2` gives it;
+/// exact to rounding up to a thirtieth of a radian, and without a call below that.
+fn small_angle(aside: f64, along: f64) -> f64 {
+    let t = aside / along;
+    if !(along > 0.0 && t.abs() < 0.03) {
+        return aside.atan2(along);
     }
+    let s = t * t;
+    t * (1.0 - s * (1.0 / 3.0 - s * (1.0 / 5.0 - s * (1.0 / 7.0 - s * (1.0 / 9.0)))))
+}
+
+/// A scanner turns less than this within one scan, rad.
+const SMALL_TURN_RAD: f64 = 0.1;
+
+/// Sine and cosine of a turn below [`SMALL_TURN_RAD`], exact to rounding.
+fn small_sin_cos(x: f64) -> (f64, f64) {
     let s = x * x;
-    let sin = x * (1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0))));
+    let sin =
+        1.0 - s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s * (1.0 / 362_880.0))));
     let cos =
-        1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0))));
-    (sin, cos)
+        0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s * (1.0 / 40_320.0 - s * (1.0 / 3_628_800.0))));
+    (x * sin, 1.0 - s * cos)
 }
 
 #[cfg(test)]
@@ -290,5 +312,19 @@ mod tests {
         };
         table.fit_moving(&scan(), nowhere);
         assert!(table.motion().is_rest() && table.cos_sin[7] == table.at_rest[7]);
+    }
+
+    #[test]
+    fn small_angles_are_exact() {
+        for k in -300..=300 {
+            let turn = f64::from(k) / 3000.0;
+            let (sin, cos) = small_sin_cos(turn);
+            assert!((sin - turn.sin()).abs() < 2e-16 && (cos - turn.cos()).abs() < 3e-16);
+            // Beyond a thirtieth of a radian the system's arc tangent takes over.
+            for along in [4.0, -4.0] {
+                let aside = turn * 4.0;
+                assert!((small_angle(aside, along) - aside.atan2(along)).abs() < 1e-16);
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! A map of predicted standard deviations as a page.
 
 use super::axis::{AXES, Axis};
-use super::figure::{self, Heat};
+use super::figure::{self, Heat, MapStyle};
 use super::number::fixed;
 use super::page;
 use super::picture::Figure;
@@ -32,19 +32,22 @@ fn figures(cells: &Cells) -> Vec<Figure> {
         .enumerate();
     let figure = |(k, axis): (usize, &Axis)| {
         let value = |cell: &Cell| cell.rms(k) * axis.factor;
-        let filled = || cells.cells.iter().enumerate().filter(|(_, c)| c.n > 0);
-        let values: Vec<f64> = filled().map(|(_, c)| value(c)).collect();
-        let (limit, largest) = figure::heat_limit(&values);
+        let values: Vec<f64> = cells
+            .cells
+            .iter()
+            .map(|c| if c.n > 0 { value(c) } else { f64::NAN })
+            .collect();
+        let (range, largest) = figure::heat_range(&values, false);
         let heat = Heat {
             layout: cells.layout,
-            cells: filled().collect(),
-            value: &value,
-            limit,
+            values: &values,
+            range,
             signed: false,
             decimals: axis.decimals,
+            style: MapStyle::Cells,
         };
         let mut unit = axis.symbol.to_owned();
-        if largest > limit * (1.0 + 1e-9) {
+        if largest > range[1] * (1.0 + 1e-9) {
             let largest = fixed(largest, axis.decimals);
             unit = format!("{unit}, up to {largest} beyond the scale");
         }

@@ -70,7 +70,11 @@ mod tests {
         let plain = &evaluate(vec![moved.clone()], &reference, &Settings::default())[0];
         let whole = |pose: &&Pose| pose.is_solved();
         let left: Vec<Pose> = moved.poses.iter().filter(whole).cloned().collect();
-        assert_eq!(super::placed(&moved, plain), left);
+        // Missing numbers are not equal to themselves.
+        assert_eq!(
+            format!("{:?}", super::placed(&moved, plain)),
+            format!("{left:?}")
+        );
     }
 
     #[test]

@@ -64,6 +64,7 @@ mod tests {
         let apart = cases(vec![whole, other]);
         let mut together = cases(merged);
         together[0].source.clone_from(&apart[0].source);
-        assert_eq!(together, apart);
+        // Missing numbers are not equal to themselves.
+        assert_eq!(format!("{together:?}"), format!("{apart:?}"));
     }
 }

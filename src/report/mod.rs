@@ -66,6 +66,7 @@ pub use case::{AxisResult, Case, Report, Run, Settings, Track};
 pub use consistency::{Consistency, GROUPS, effective_number};
 pub use disorder::Disorder;
 pub use evaluate::evaluate;
+pub use figure::MapStyle;
 pub use gate::{Gate, GateError, Verdict};
 pub use inertial::allan::Point as AllanPoint;
 pub use inertial::{Inertial, Recording};

@@ -120,7 +120,11 @@ fn error_rows(tree: &Tree, path: &str, out: &mut Vec<ErrorRow>) {
         .collect();
     let rms = values.iter().find_map(|(name, value)| {
         let unit = name.strip_prefix("rms_")?;
-        value.is_finite().then(|| unit.to_owned())
+        // Not of `rms_before_mm`, which is a delay's.
+        let bias = format!("bias_{unit}");
+        let is_unit = AXES.iter().any(|axis| axis.unit == unit)
+            || values.iter().any(|(name, _)| *name == bias);
+        (value.is_finite() && is_unit).then(|| unit.to_owned())
     });
     if let Some(unit) = rms {
         out.push((path.to_owned(), unit, values));

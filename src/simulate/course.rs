@@ -4,21 +4,24 @@ use super::random::{Purpose, Seed};
 use crate::motion::{Motion, Pose, State};
 use nalgebra::Vector3;
 
+/// A motion along which several threads make scans.
+pub type SharedMotion = Box<dyn Motion + Send + Sync>;
+
 /// The platform's course over a run.
 pub enum Course {
     /// At rest, a fixed number of scans in each pose; between poses it jumps.
     Stations {
         /// In order.
-        poses: Vec<Pose>,
+        poses: Places,
         /// Scans in each.
         scans_each: u64,
     },
     /// In motion.
     Moving {
         /// The true motion.
-        truth: Box<dyn Motion>,
+        truth: SharedMotion,
         /// The motion that was asked for.
-        desired: Box<dyn Motion>,
+        desired: SharedMotion,
         /// The platform follows the desired motion this much later, s.
         lag_s: f64,
     },
@@ -28,7 +31,7 @@ impl Course {
     /// How many scans fit into it, one every `period_s` and each lasting `sweep_s`.
     pub fn scans(&self, period_s: f64, sweep_s: f64) -> u64 {
         match self {
-            Course::Stations { poses, scans_each } => poses.len() as u64 * scans_each,
+            Course::Stations { poses, scans_each } => poses.count() * scans_each,
             Course::Moving { truth, lag_s, .. } => {
                 let room_s = truth.duration_s() + lag_s - sweep_s;
                 if room_s < 0.0 {
@@ -65,10 +68,10 @@ impl Course {
         let Course::Stations { poses, scans_each } = self else {
             return State::resting(ORIGIN);
         };
-        let index = usize::try_from(number / (*scans_each).max(1)).unwrap_or(usize::MAX);
         // Past its end the course stays in the last pose.
-        let pose = poses.get(index).or(poses.last()).copied().unwrap_or(ORIGIN);
-        State::resting(pose)
+        let last = poses.count().saturating_sub(1);
+        let index = (number / (*scans_each).max(1)).min(last);
+        State::resting(poses.pose(index).unwrap_or(ORIGIN))
     }
 }
 
@@ -76,6 +79,54 @@ const ORIGIN: Pose = Pose {
     position_m: Vector3::new(0.0, 0.0, 0.0),
     rotation_rad: Vector3::new(0.0, 0.0, 0.0),
 };
+
+/// Poses in an order: listed, or made when they are asked for, so that a long run takes no more
+/// memory than a short one.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Places {
+    /// These.
+    Listed(Vec<Pose>),
+    /// A grid's.
+    Grid(Grid),
+    /// A number of random ones.
+    Scattered {
+        /// Where.
+        scatter: Scatter,
+        /// The run's seed.
+        seed: Seed,
+        /// How many.
+        count: u64,
+    },
+}
+
+impl Places {
+    /// How many.
+    pub fn count(&self) -> u64 {
+        match self {
+            Places::Listed(poses) => poses.len() as u64,
+            Places::Grid(grid) => grid.count(),
+            Places::Scattered { count, .. } => *count,
+        }
+    }
+
+    /// One of them; none past the end.
+    pub fn pose(&self, index: u64) -> Option<Pose> {
+        if index >= self.count() {
+            return None;
+        }
+        Some(match self {
+            Places::Listed(poses) => *poses.get(usize::try_from(index).ok()?)?,
+            Places::Grid(grid) => grid.pose(index),
+            Places::Scattered { scatter, seed, .. } => scatter.pose(*seed, index),
+        })
+    }
+}
+
+impl From<Vec<Pose>> for Places {
+    fn from(poses: Vec<Pose>) -> Places {
+        Places::Listed(poses)
+    }
+}
 
 /// A grid of poses in the plane x = const.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,29 +142,35 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Row after row from the bottom, there and back along y, so that neighbours in time are
-    /// neighbours in space.
-    pub fn poses(&self) -> Vec<Pose> {
-        let values = |[from, to]: [f64; 2]| {
-            let steps = ((to - from) / self.step_m + 1e-9).floor().max(0.0) as usize;
-            (0..=steps).map(move |k| from + k as f64 * self.step_m)
+    fn steps(&self, [from, to]: [f64; 2]) -> u64 {
+        ((to - from) / self.step_m + 1e-9).floor().max(0.0) as u64
+    }
+
+    /// Number of poses in a row, which runs along y.
+    pub fn row(&self) -> u64 {
+        self.steps(self.y_m) + 1
+    }
+
+    /// Number of poses.
+    pub fn count(&self) -> u64 {
+        self.row().saturating_mul(self.steps(self.z_m) + 1)
+    }
+
+    /// Pose `index`, row after row from the bottom, there and back along y, so that neighbours in
+    /// time are neighbours in space.
+    pub fn pose(&self, index: u64) -> Pose {
+        let (row, place) = (index / self.row(), index % self.row());
+        let column = if row.is_multiple_of(2) {
+            place
+        } else {
+            self.row() - 1 - place
         };
-        let row: Vec<f64> = values(self.y_m).collect();
-        let mut poses = Vec::new();
-        for (index, z) in values(self.z_m).enumerate() {
-            let mut place = |y: f64| {
-                poses.push(Pose {
-                    position_m: Vector3::new(self.pose.position_m.x, y, z),
-                    rotation_rad: self.pose.rotation_rad,
-                });
-            };
-            if index % 2 == 0 {
-                row.iter().for_each(|y| place(*y));
-            } else {
-                row.iter().rev().for_each(|y| place(*y));
-            }
+        let y = self.y_m[0] + column as f64 * self.step_m;
+        let z = self.z_m[0] + row as f64 * self.step_m;
+        Pose {
+            position_m: Vector3::new(self.pose.position_m.x, y, z),
+            rotation_rad: self.pose.rotation_rad,
         }
-        poses
     }
 }
 
@@ -127,17 +184,18 @@ pub struct Scatter {
 }
 
 impl Scatter {
-    /// `count` poses; pose k is the same whatever the count.
+    /// Pose `index` of a seed.
+    pub fn pose(&self, seed: Seed, index: u64) -> Pose {
+        let mut draws = seed.draws(Purpose::Course, index);
+        Pose {
+            position_m: self.position_m.map(|span| draws.between(span)).into(),
+            rotation_rad: self.rotation_rad.map(|span| draws.between(span)).into(),
+        }
+    }
+
+    /// The first `count` poses.
     pub fn poses(&self, seed: Seed, count: u64) -> Vec<Pose> {
-        (0..count)
-            .map(|number| {
-                let mut draws = seed.draws(Purpose::Course, number);
-                Pose {
-                    position_m: self.position_m.map(|span| draws.between(span)).into(),
-                    rotation_rad: self.rotation_rad.map(|span| draws.between(span)).into(),
-                }
-            })
-            .collect()
+        (0..count).map(|index| self.pose(seed, index)).collect()
     }
 }
 
@@ -154,7 +212,7 @@ mod tests {
             z_m: [0.5, 3.5],
             step_m: 0.2,
         };
-        let poses = grid.poses();
+        let poses: Vec<Pose> = (0..grid.count()).map(|k| grid.pose(k)).collect();
         assert_eq!(poses.len(), 41 * 16);
         for pair in poses.windows(2) {
             assert!((pair[0].distance_m(&pair[1]) - 0.2).abs() < 1e-9);

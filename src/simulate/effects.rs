@@ -125,6 +125,7 @@ impl Effects {
     }
 
     /// Whether an effect is on.
+    #[inline]
     pub fn has(&self, effect: Effect) -> bool {
         self.on & (1 << effect as u8) != 0
     }

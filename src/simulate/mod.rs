@@ -39,7 +39,7 @@ mod physics_tests;
 #[cfg(test)]
 pub(crate) mod staged;
 
-pub use course::{Course, Grid, Scatter};
+pub use course::{Course, Grid, Places, Scatter, SharedMotion};
 pub use effects::{Effect, Effects};
 pub use inertial::Unit;
 pub use parameters::Parameters;

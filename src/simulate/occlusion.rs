@@ -66,6 +66,12 @@ impl Obstacles {
         });
     }
 
+    /// Whether there are none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// The nearest obstacle that a beam touches.
     pub fn look(&self, angle_rad: f64, spot: &Spot) -> Option<Shadow> {
         let mut nearest: Option<Shadow> = None;

@@ -44,7 +44,7 @@ fn steps(setup: Setup) -> Vec<Step> {
 
 fn at_rest(poses: Vec<Pose>) -> Course {
     Course::Stations {
-        poses,
+        poses: poses.into(),
         scans_each: 1,
     }
 }

@@ -53,11 +53,12 @@ pub struct ScanPhysics<'a> {
     obstacles: Obstacles,
     hit_threshold: f64,
     bias_m: f64,
-    noise: Draws,
-    remission: Draws,
-    mixed: Draws,
-    outliers: Draws,
-    dropouts: Draws,
+    /// Streams of the beams' draws; none where the effect is off.
+    noise: Option<Draws>,
+    remission: Option<Draws>,
+    mixed: Option<Draws>,
+    outliers: Option<Draws>,
+    dropouts: Option<Draws>,
 }
 
 impl Physics {
@@ -116,17 +117,20 @@ impl Physics {
         } else {
             0.0
         };
-        let draws = |purpose| self.seed.draws(purpose, number);
+        let draws = |effect, purpose| {
+            let on = self.effects.has(effect);
+            on.then(|| self.seed.draws(purpose, number))
+        };
         ScanPhysics {
             physics: self,
             obstacles,
             hit_threshold,
             bias_m,
-            noise: draws(Purpose::Noise),
-            remission: draws(Purpose::Remission),
-            mixed: draws(Purpose::Mixed),
-            outliers: draws(Purpose::Outliers),
-            dropouts: draws(Purpose::Dropouts),
+            noise: draws(Effect::Noise, Purpose::Noise),
+            remission: draws(Effect::Remission, Purpose::Remission),
+            mixed: draws(Effect::Mixed, Purpose::Mixed),
+            outliers: draws(Effect::Outliers, Purpose::Outliers),
+            dropouts: draws(Effect::Dropouts, Purpose::Dropouts),
         }
     }
 }
@@ -175,12 +179,18 @@ impl ScanPhysics<'_> {
         echoes: &mut [Echo; MAX_ECHOES],
     ) -> usize {
         let physics = self.physics;
-        let sight = physics.world.look(origin_m, direction, &physics.spot);
-        let shadow = self.obstacles.look(angle_rad, &physics.spot);
-        // Every beam takes the same number of draws, so that effects stay independent.
-        let mixed = self.mixed.unit() < physics.parameters.mixed.share;
-        let normal = self.noise.normal();
-        let remission = self.remission.normal();
+        let sight = self.sight(origin_m, direction);
+        let shadow = if self.obstacles.is_empty() {
+            None
+        } else {
+            self.obstacles.look(angle_rad, &physics.spot)
+        };
+        // Of a stream that is on every beam takes the same number of draws, so that effects stay
+        // independent.
+        let mixed = self.mixed.as_mut();
+        let mixed = mixed.is_some_and(|draws| draws.unit() < physics.parameters.mixed.share);
+        let normal = self.noise.as_mut().map_or(0.0, Draws::normal);
+        let remission = self.remission.as_mut().map_or(0.0, Draws::normal);
         let mut count = 1;
         if physics.effects.has(Effect::Echoes) {
             let parts = self.all_parts(&sight, shadow, mixed);
@@ -203,6 +213,23 @@ impl ScanPhysics<'_> {
         }
         self.spoil(&mut echoes[0], &mut count);
         count
+    }
+
+    /// What the beam meets; the background only where it has a part in the range.
+    fn sight(&self, origin_m: Vector3<f64>, direction: Vector3<f64>) -> Sight {
+        let physics = self.physics;
+        let reflector = physics.world.reflector(origin_m, direction, &physics.spot);
+        let share = reflector.map_or(0.0, |hit| hit.share);
+        let hidden = share > self.hit_threshold && share >= physics.parameters.mixed.between[1];
+        let background = if hidden && !physics.effects.has(Effect::Echoes) {
+            None
+        } else {
+            physics.world.background(origin_m, direction)
+        };
+        Sight {
+            reflector,
+            background,
+        }
     }
 
     /// The one surface whose range a device with one echo returns.
@@ -375,14 +402,15 @@ impl ScanPhysics<'_> {
     fn spoil(&mut self, first: &mut Echo, count: &mut usize) {
         let physics = self.physics;
         let p = &physics.parameters;
-        let (wild, place) = (self.outliers.unit(), self.outliers.unit());
-        if physics.effects.has(Effect::Outliers) && wild < p.outliers.share {
+        let wild = self.outliers.as_mut().map(|d| (d.unit(), d.unit()));
+        if let Some((_, place)) = wild.filter(|(wild, _)| *wild < p.outliers.share) {
             let low_m = physics.model.range_m[0];
             first.range_m = self.rounded(low_m + (p.outliers.range_max_m - low_m) * place);
             *count = 1;
         }
-        let lost = self.dropouts.unit();
-        if physics.effects.has(Effect::Dropouts) && lost < p.dropouts.share {
+        if let Some(draws) = &mut self.dropouts
+            && draws.unit() < p.dropouts.share
+        {
             *first = NOTHING;
             *count = 1;
         }

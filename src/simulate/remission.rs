@@ -12,7 +12,8 @@ pub fn level(parameters: &Remission, surface: &Surface) -> f64 {
     } else {
         libm::pow(ratio, parameters.range_exponent)
     };
-    by_range * libm::pow(surface.cos_incidence, parameters.incidence_exponent)
+    // A power by logarithm: half the time of `pow`, which cares for the last digit.
+    by_range * libm::exp(parameters.incidence_exponent * libm::log(surface.cos_incidence))
 }
 
 /// Remission of a spot that lies on a reflector with the given share and else on background:

@@ -105,7 +105,8 @@ impl Scanner {
             place: 0,
             beams: Vec::new(),
         };
-        scanner.turn(0, 0.0);
+        scanner.go_to(0);
+        scanner.aim(0.0);
         scanner
     }
 
@@ -155,14 +156,17 @@ impl Scanner {
         (self.count() - 1) as f64 * self.time_increment_s()
     }
 
-    /// Goes to scan `number` of an interlaced sequence and turns all beams by `offset_rad` against
-    /// the angles that the device states.
-    pub fn turn(&mut self, number: u64, offset_rad: f64) {
+    /// Goes to scan `number` of an interlaced sequence.
+    pub fn go_to(&mut self, number: u64) {
         self.place = (number % u64::from(self.mode.interlace)) as u32;
         let [first_deg, last_deg] = self.model.aperture_deg;
         let room_deg = last_deg - first_deg - self.lead_deg();
         let steps = (room_deg / self.mode.step_deg() + 1e-9).floor() as usize;
         self.beams.resize(steps + 1, Vector3::zeros());
+    }
+
+    /// Turns all beams by `offset_rad` against the angles that the device states.
+    pub fn aim(&mut self, offset_rad: f64) {
         let (first, step) = (self.angle_min_rad(), self.mode.step_rad());
         for (k, beam) in self.beams.iter_mut().enumerate() {
             let (sin, cos) = libm::sincos(first + k as f64 * step + offset_rad);
@@ -170,9 +174,14 @@ impl Scanner {
         }
     }
 
-    /// Origin and direction of a beam in P (origin m, direction a unit vector).
-    pub fn beam(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
-        (self.position_m, self.beams[index])
+    /// Origin of the beams in P, m.
+    pub fn origin_m(&self) -> Vector3<f64> {
+        self.position_m
+    }
+
+    /// Directions of the beams in P, unit vectors.
+    pub fn beams(&self) -> &[Vector3<f64>] {
+        &self.beams
     }
 }
 
@@ -213,7 +222,7 @@ mod tests {
         assert!((scanner.time_increment_s() - 1.0 / 35.0 / 1440.0).abs() < 1e-18);
         assert!((scanner.reference_s() - 380.0 / 35.0 / 1440.0).abs() < 1e-15);
         assert!((scanner.angle_rad(380) - FRAC_PI_2).abs() < 1e-12);
-        assert!((scanner.beam(380).1 - Vector3::z()).norm() < 1e-12);
+        assert!((scanner.beams()[380] - Vector3::z()).norm() < 1e-12);
     }
 
     #[test]
@@ -225,7 +234,7 @@ mod tests {
             let first = scanner.count();
             let mut angles_deg = Vec::new();
             for number in 0..u64::from(mode.interlace) {
-                scanner.turn(number, 0.0);
+                scanner.go_to(number);
                 // The first of a sequence has one beam more (telegram listing).
                 assert_eq!(scanner.count(), first - usize::from(number > 0), "{mode}");
                 let beams = 0..scanner.count();
@@ -247,7 +256,7 @@ mod tests {
                     "{mode}: {angle_deg} {due_deg}"
                 );
             }
-            scanner.turn(u64::from(mode.interlace), 0.0);
+            scanner.go_to(u64::from(mode.interlace));
             assert_eq!((scanner.count(), scanner.lead_s()), (first, 0.0));
         }
     }

@@ -59,7 +59,7 @@ pub(crate) fn scattered_within(
         model,
         mode: model.modes[0],
         course: Course::Stations {
-            poses: scatter.poses(Seed(seed), count),
+            poses: scatter.poses(Seed(seed), count).into(),
             scans_each: 1,
         },
         effects: effects.parse().unwrap(),

@@ -21,6 +21,7 @@ pub enum Spot {
 
 impl Spot {
     /// Radius at a range, m.
+    #[inline]
     pub fn radius_m(&self, range_m: f64) -> f64 {
         match self {
             Spot::Pencil => 0.0,
@@ -73,10 +74,18 @@ struct Edge {
 struct Patch {
     corners: [Vector3<f64>; 4],
     edges: [Edge; 4],
+    /// Smallest and largest x of the corners, and the same along the wall.
+    x_m: [f64; 2],
+    along_m: [f64; 2],
 }
 
 impl Patch {
-    fn new(corners: [Vector3<f64>; 4]) -> Patch {
+    fn new(face: Face, corners: [Vector3<f64>; 4]) -> Patch {
+        let span = |place: fn(&Vector3<f64>) -> f64| {
+            let places = corners.iter().map(place);
+            let low = places.clone().fold(f64::INFINITY, f64::min);
+            [low, places.fold(f64::NEG_INFINITY, f64::max)]
+        };
         let centre = corners.iter().sum::<Vector3<f64>>() / 4.0;
         let edge = |k: usize| {
             let (point, end) = (corners[k], corners[(k + 1) % 4]);
@@ -92,7 +101,21 @@ impl Patch {
         Patch {
             corners,
             edges: [edge(0), edge(1), edge(2), edge(3)],
+            x_m: span(|corner| corner.x),
+            along_m: match face {
+                Face::Upper => span(|corner| corner.y),
+                Face::Right | Face::Left => span(|corner| corner.z),
+            },
         }
+    }
+
+    /// Whether a point of the patch's wall, given by x and the place along the wall, is within
+    /// `reach_m` of the rectangle about the patch. Most patches are far from any one beam, and this
+    /// says so at little cost.
+    #[inline]
+    fn is_near(&self, x_m: f64, along_m: f64, reach_m: f64) -> bool {
+        let within = |at: f64, [low, high]: [f64; 2]| at >= low - reach_m && at <= high + reach_m;
+        within(along_m, self.along_m) && within(x_m, self.x_m)
     }
 
     /// Share of a spot of `radius_m` on the patch; `point` is where the beam's axis meets the
@@ -148,13 +171,25 @@ impl Patch {
     }
 }
 
-/// A face of the box with its reflectors: the plane `normal . x = distance_m`, normal outwards.
+/// A face of the box with its reflectors.
 #[derive(Clone, Debug)]
 struct Wall {
     face: Face,
-    normal: Vector3<f64>,
+    /// From the middle of the box (for the ceiling from the floor), m.
     distance_m: f64,
     patches: Vec<Patch>,
+}
+
+impl Wall {
+    /// Component of a vector along the wall's outward normal.
+    #[inline]
+    fn outward(&self, v: &Vector3<f64>) -> f64 {
+        match self.face {
+            Face::Upper => v.z,
+            Face::Right => v.y,
+            Face::Left => -v.y,
+        }
+    }
 }
 
 /// The frame and its surroundings.
@@ -173,24 +208,25 @@ struct Background {
 
 impl Background {
     /// Where a ray from inside leaves the box.
-    fn meet(&self, origin: Vector3<f64>, beam: Vector3<f64>) -> Option<Surface> {
+    fn meet(&self, origin: &Vector3<f64>, beam: &Vector3<f64>) -> Option<Surface> {
         let mut nearest: Option<Surface> = None;
-        for axis in 0..3 {
-            let slant = beam[axis];
-            if slant == 0.0 {
-                continue;
-            }
-            let plane = if slant > 0.0 {
-                self.high[axis]
-            } else {
-                self.low[axis]
-            };
-            let range_m = (plane - origin[axis]) / slant;
-            if range_m > 0.0 && nearest.is_none_or(|n| range_m < n.range_m) {
-                nearest = Some(Surface {
-                    range_m,
-                    cos_incidence: slant.abs(),
-                });
+        let axes = [
+            (beam.z, origin.z, self.low.z, self.high.z),
+            (beam.y, origin.y, self.low.y, self.high.y),
+            (beam.x, origin.x, self.low.x, self.high.x),
+        ];
+        for (slant, from, low, high) in axes {
+            let room_m = if slant > 0.0 { high - from } else { from - low };
+            let slant = slant.abs();
+            // Whether it is the nearest is told without the division.
+            if room_m > 0.0 && nearest.is_none_or(|n| room_m < n.range_m * slant) {
+                let range_m = room_m / slant;
+                if range_m.is_finite() {
+                    nearest = Some(Surface {
+                        range_m,
+                        cos_incidence: slant,
+                    });
+                }
             }
         }
         nearest
@@ -203,9 +239,9 @@ impl World {
         let b = &frame.bounds;
         let (hx, hy) = (b.dx_m / 2.0, b.dy_m / 2.0);
         let mut walls = vec![
-            wall(Face::Right, Vector3::y(), hy),
-            wall(Face::Upper, Vector3::z(), b.dz_m),
-            wall(Face::Left, -Vector3::y(), hy),
+            wall(Face::Right, hy),
+            wall(Face::Upper, b.dz_m),
+            wall(Face::Left, hy),
         ];
         for wall in &mut walls {
             for plate in frame.plates.iter().filter(|p| p.face == wall.face) {
@@ -224,21 +260,31 @@ impl World {
         World { walls, background }
     }
 
-    /// What a beam (unit vector) from `origin` meets.
-    pub fn look(&self, origin: Vector3<f64>, beam: Vector3<f64>, spot: &Spot) -> Sight {
+    /// The reflector that a beam (unit vector) from `origin` meets.
+    pub fn reflector(&self, origin: Vector3<f64>, beam: Vector3<f64>, spot: &Spot) -> Option<Hit> {
         let mut reflector: Option<Hit> = None;
         for wall in &self.walls {
-            let slant = wall.normal.dot(&beam);
+            let slant = wall.outward(&beam);
             if slant <= 0.0 {
                 continue;
             }
-            let range_m = (wall.distance_m - wall.normal.dot(&origin)) / slant;
+            let range_m = (wall.distance_m - wall.outward(&origin)) / slant;
             if range_m <= 0.0 || !range_m.is_finite() {
                 continue;
             }
             let point = origin + beam * range_m;
+            let along_m = match wall.face {
+                Face::Upper => point.y,
+                Face::Right | Face::Left => point.z,
+            };
             let radius_m = spot.radius_m(range_m);
+            // The spot on the wall is an ellipse that is longest along the beam; a little more
+            // keeps rounding out of it.
+            let reach_m = radius_m / slant * (1.0 + 1e-9) + 1e-9;
             for patch in &wall.patches {
+                if !patch.is_near(point.x, along_m, reach_m) {
+                    continue;
+                }
                 let share = patch.share(point, beam, slant, radius_m);
                 if share > reflector.map_or(0.0, |hit| hit.share) {
                     let surface = Surface {
@@ -253,20 +299,20 @@ impl World {
                 }
             }
         }
-        Sight {
-            reflector,
-            background: self
-                .background
-                .as_ref()
-                .and_then(|background| background.meet(origin, beam)),
-        }
+        reflector
+    }
+
+    /// The surface behind the frame that a beam (unit vector) from `origin` meets.
+    pub fn background(&self, origin: Vector3<f64>, beam: Vector3<f64>) -> Option<Surface> {
+        self.background
+            .as_ref()
+            .and_then(|background| background.meet(&origin, &beam))
     }
 }
 
-fn wall(face: Face, normal: Vector3<f64>, distance_m: f64) -> Wall {
+fn wall(face: Face, distance_m: f64) -> Wall {
     Wall {
         face,
-        normal,
         distance_m,
         patches: Vec::new(),
     }
@@ -283,7 +329,8 @@ fn on_wall(wall: &Wall, x_m: f64, v_m: f64) -> Vector3<f64> {
 
 fn plate_patch(plate: &Plate, wall: &Wall) -> Patch {
     let ([x0, x1], [z0, z1]) = (plate.x_m, plate.z_m);
-    Patch::new([(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| on_wall(wall, x, z)))
+    let corners = [(x0, z0), (x1, z0), (x1, z1), (x0, z1)].map(|(x, z)| on_wall(wall, x, z));
+    Patch::new(wall.face, corners)
 }
 
 fn strip_patch(strip: &Strip, wall: &Wall, half_depth_m: f64) -> Patch {
@@ -291,12 +338,13 @@ fn strip_patch(strip: &Strip, wall: &Wall, half_depth_m: f64) -> Patch {
     let slope = libm::tan(strip.inclination_deg.to_radians());
     let half_m = strip.width_m / 2.0;
     let corner = |x: f64, side: f64| on_wall(wall, x, strip.offset_m + side * half_m + x * slope);
-    Patch::new([
+    let corners = [
         corner(x0, -1.0),
         corner(x1, -1.0),
         corner(x1, 1.0),
         corner(x0, 1.0),
-    ])
+    ];
+    Patch::new(wall.face, corners)
 }
 
 #[cfg(test)]
@@ -392,7 +440,7 @@ mod tests {
             for k in 0..3800 {
                 let angle = (-5.0 + 0.05 * f64::from(k)).to_radians();
                 let beam = turn * Vector3::new(0.0, angle.cos(), angle.sin());
-                let Some(hit) = world.look(origin, beam, &disc()).reflector else {
+                let Some(hit) = world.reflector(origin, beam, &disc()) else {
                     continue;
                 };
                 if hit.share < 1.0 && hit.share > 0.0 {
@@ -422,7 +470,7 @@ mod tests {
         ] {
             let aim = Vector3::new(0.25 + dx, 5.225, 5.2 + dz);
             let beam = (aim - origin).normalize();
-            let hit = world.look(origin, beam, &disc()).reflector.unwrap();
+            let hit = world.reflector(origin, beam, &disc()).unwrap();
             let expected = counted(&frame, origin, beam, &hit);
             assert!((hit.share - expected).abs() < 0.02, "{hit:?} {expected}");
         }
@@ -432,27 +480,29 @@ mod tests {
     fn a_level_beam_meets_plate_and_background() {
         let world = World::new(&frame(), &[]);
         let origin = Vector3::new(0.0, 1.0, 2.0);
-        let sight = world.look(origin, Vector3::y(), &Spot::Pencil);
-        let hit = sight.reflector.unwrap();
+        let hit = world
+            .reflector(origin, Vector3::y(), &Spot::Pencil)
+            .unwrap();
         assert_eq!((hit.face, hit.share), (Face::Right, 1.0));
         assert!((hit.surface.range_m - 4.225).abs() < 1e-12);
-        assert!((sight.background.unwrap().range_m - 4.925).abs() < 1e-12);
+        let behind = world.background(origin, Vector3::y()).unwrap();
+        assert!((behind.range_m - 4.925).abs() < 1e-12);
         // Straight up at y = 0 there is a gap between the strips; a strip taken away is one too.
-        let up = world.look(Vector3::new(0.0, 0.0, 2.0), Vector3::z(), &Spot::Pencil);
-        assert!(up.reflector.is_none());
-        assert!((up.background.unwrap().range_m - 4.2).abs() < 1e-12);
+        let middle = Vector3::new(0.0, 0.0, 2.0);
+        let up = world.reflector(middle, Vector3::z(), &Spot::Pencil);
+        assert!(up.is_none());
+        let behind = world.background(middle, Vector3::z()).unwrap();
+        assert!((behind.range_m - 4.2).abs() < 1e-12);
         let under_second = Vector3::new(0.0, 1.3, 2.0);
         assert!(
             world
-                .look(under_second, Vector3::z(), &disc())
-                .reflector
+                .reflector(under_second, Vector3::z(), &disc())
                 .is_some()
         );
         let without = World::new(&frame(), &[1]);
         assert!(
             without
-                .look(under_second, Vector3::z(), &disc())
-                .reflector
+                .reflector(under_second, Vector3::z(), &disc())
                 .is_none()
         );
     }
@@ -461,8 +511,8 @@ mod tests {
     fn nothing_behind_a_frame_without_background() {
         let mut frame = frame();
         frame.bounds.background_gap_m = None;
-        let sight =
-            World::new(&frame, &[]).look(Vector3::new(0.0, 0.0, 2.0), Vector3::z(), &Spot::Pencil);
-        assert!(sight.reflector.is_none() && sight.background.is_none());
+        let (world, origin) = (World::new(&frame, &[]), Vector3::new(0.0, 0.0, 2.0));
+        let hit = world.reflector(origin, Vector3::z(), &Spot::Pencil);
+        assert!(hit.is_none() && world.background(origin, Vector3::z()).is_none());
     }
 }

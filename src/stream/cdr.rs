@@ -94,7 +94,7 @@ impl<'a> Tail<'a> {
     /// Reads a sequence of float32.
     pub(super) fn f32s(
         &mut self,
-    ) -> Result<impl ExactSizeIterator<Item = f32> + use<'a>, BadField> {
+    ) -> Result<impl ExactSizeIterator<Item = f32> + Clone + use<'a>, BadField> {
         let short = || BadField::row("unexpected end of input");
         let rest = self.body.get(self.used.next_multiple_of(4)..);
         let (count, rest) = rest.and_then(<[u8]>::split_first_chunk).ok_or_else(short)?;

@@ -4,6 +4,7 @@
 mod args;
 mod cola;
 mod dilution;
+mod jobs;
 mod office;
 mod serve;
 mod serve_args;
@@ -54,19 +55,20 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if let Some(path) = &args.unit.imu_record {
         unit::record(&args, &options, path)?;
     }
+    args.jobs.restrict(&mut simulator);
     let stop = Stop::install()?;
     let mut outputs = Outputs::open(&args, &options)?;
-    let clock = Instant::now();
-    while !stop.requested() {
-        let Some(step) = simulator.advance() else {
-            break;
-        };
-        if args.real_time {
+    if args.real_time {
+        let clock = Instant::now();
+        jobs::one_by_one(&mut simulator, &stop, &mut |step| {
             outputs.main.flush()?;
             let due_s = step.complete.since_s(start).max(0.0);
             sleep_until(clock + Duration::from_secs_f64(due_s), &stop);
-        }
-        outputs.write(step)?;
+            outputs.write(step)
+        })?;
+    } else {
+        let mut write = |step: &Step| outputs.write(step);
+        args.jobs.run(&mut simulator, &stop, &mut write)?;
     }
     let records = outputs.main.records();
     outputs.finish()?;

@@ -96,8 +96,8 @@ impl LineSums {
         let mut s = LineSums::default();
         let [mut points, mut beside, mut in_front] = [0u32; 3];
         let rays = sector.rays.iter().zip(sector.ranges_m);
-        for (k, ((cos, sin), range_m)) in rays.enumerate() {
-            let tau_s = sector.first_s + k as f64 * sector.step_s;
+        for (k, ((cos, sin), range_m)) in (0i32..).zip(rays) {
+            let tau_s = sector.first_s + f64::from(k) * sector.step_s;
             // phi = delta - alpha; range = (d - origin along the normal) / cos(phi).
             let cos_phi = cos * cos_alpha + sin * sin_alpha;
             let inverse = 1.0 / cos_phi;

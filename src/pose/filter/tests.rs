@@ -214,7 +214,7 @@ fn standing(frame: &Frame, effects: &str, poses: u64, scans_each: u64, seed: u64
         model,
         mode: model.modes[0],
         course: Course::Stations {
-            poses: scatter.poses(Seed(seed), poses),
+            poses: scatter.poses(Seed(seed), poses).into(),
             scans_each,
         },
         effects: effects.parse().unwrap(),

@@ -1,9 +1,10 @@
 //! The IMU's section in the terminal and on the page.
 
-use super::super::figure::{self, LIMIT, LogSeries, TRIPLE};
+use super::super::figure::{self, LIMIT, Series, TRIPLE};
 use super::super::number::{NONE, count, fixed};
+use super::super::picture::Figure;
 use super::{Inertial, Kind, Measured};
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 /// "IMU still.csv: 60,000 samples, 600.0 s at 100.00 Hz, no gap; ned axes".
 fn summary(inertial: &Inertial) -> String {
@@ -103,8 +104,7 @@ pub(in crate::report) fn section(inertial: &Inertial) -> Markup {
                 }
             }
             div class="two" style="margin-top:14px" {
-                (curves(inertial, Kind::Rate, "Allan deviation of the rates"))
-                (curves(inertial, Kind::Force, "Allan deviation of the accelerations"))
+                @for figure in figures(inertial) { (figure.markup()) }
             }
             p {
                 "Blue, orange, green: x, y, z; grey: the white noise of the 3DM-GX1’s data sheet. The random walk is \
@@ -119,7 +119,23 @@ pub(in crate::report) fn section(inertial: &Inertial) -> Markup {
     }
 }
 
-fn curves(inertial: &Inertial, kind: Kind, title: &str) -> Markup {
+/// The section's figures.
+pub(in crate::report) fn figures(inertial: &Inertial) -> Vec<Figure> {
+    let kinds = [
+        (Kind::Rate, "imu-rates", "Allan deviation of the rates"),
+        (
+            Kind::Force,
+            "imu-accelerations",
+            "Allan deviation of the accelerations",
+        ),
+    ];
+    let curves = kinds.into_iter();
+    curves
+        .filter_map(|(kind, name, title)| curves_of(inertial, kind, name, title))
+        .collect()
+}
+
+fn curves_of(inertial: &Inertial, kind: Kind, name: &str, title: &str) -> Option<Figure> {
     let of_kind: Vec<&Measured> = inertial
         .channels
         .iter()
@@ -134,14 +150,14 @@ fn curves(inertial: &Inertial, kind: Kind, title: &str) -> Markup {
     if let Some(sheet) = kind.sheet() {
         // deg/sqrt(h) is a sixtieth of deg/s over the root of one second.
         let white = |tau_s: f64| sheet.walk / 60.0 / tau_s.sqrt();
-        series.push(LogSeries {
+        series.push(Series {
             name: "white noise of the data sheet".to_owned(),
             points: ends.map(|tau_s| (tau_s, white(tau_s))).to_vec(),
             colour: LIMIT,
         });
     }
     for (measured, colour) in of_kind.iter().zip(TRIPLE) {
-        series.push(LogSeries {
+        series.push(Series {
             name: measured.channel.name.to_owned(),
             points: measured
                 .curve
@@ -151,14 +167,9 @@ fn curves(inertial: &Inertial, kind: Kind, title: &str) -> Markup {
             colour,
         });
     }
-    html! {
-        @if !of_kind.is_empty() {
-            figure {
-                figcaption { (title) span { (kind.unit()) " over averaging time in s" } }
-                (PreEscaped(figure::log_log(&series, (524, 260), title).svg()))
-            }
-        }
-    }
+    let unit = format!("{} over averaging time in s", kind.unit());
+    let drawing = figure::log_log(&series, (524, 260), title);
+    (!of_kind.is_empty()).then(|| Figure::new(name, title, unit, drawing))
 }
 
 #[cfg(test)]

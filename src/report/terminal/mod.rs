@@ -1,5 +1,6 @@
 //! The report as text for a terminal.
 
+mod map;
 mod sections;
 
 use super::association::Association;
@@ -18,6 +19,8 @@ use std::fmt::Write;
 pub struct Style {
     /// Headers in bold.
     pub bold: bool,
+    /// Colours of 24 bits, and UTF-8: the workspace as a picture.
+    pub colour: bool,
     /// ASCII only.
     pub ascii: bool,
     /// The workspace's cells for all of x, y, z and yaw instead of x and yaw.
@@ -170,12 +173,17 @@ impl Text {
     }
 
     fn workspace(&mut self, case: &Case, style: Style) {
-        let Some(cells) = case.cells.as_ref().map(|c| c.coarser(9, 6)) else {
+        let Some(cells) = case.cells.as_ref() else {
             return;
         };
         if cells.filled().count() < 2 {
             return;
         }
+        if style.colour && !style.all_cells {
+            map::of(cells).iter().for_each(|line| self.line(line));
+            return;
+        }
+        let cells = cells.coarser(9, 6);
         for (k, i) in CELL_AXES.iter().enumerate() {
             if style.all_cells || k == 0 || k == 3 {
                 self.cells(&cells, k, &AXES[*i]);

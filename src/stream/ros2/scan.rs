@@ -171,8 +171,16 @@ fn decode_echo(
     ranges_m: &mut Ranges,
     remissions: &mut Vec<f32>,
 ) -> Result<(), BadField> {
+    let ranges = tail.f32s()?;
     ranges_m.clear();
-    ranges_m.extend(tail.f32s()?.map(metres));
+    // Nearly all are whole millimetres: a first loop without branches takes them so, and a second
+    // one finds those that are not.
+    ranges_m.extend(ranges.clone().map(whole_millimetres));
+    for (range_m, range) in ranges_m.iter_mut().zip(ranges) {
+        if *range_m as f32 != range {
+            *range_m = metres(range);
+        }
+    }
     remissions.clear();
     remissions.extend(tail.f32s()?);
     Ok(())
@@ -194,7 +202,7 @@ fn float_metres(range_m: f64) -> f32 {
 /// it is that millimetre's float32; else rounded to the micrometre.
 fn metres(range: f32) -> f64 {
     let range_m = f64::from(range);
-    let whole_mm = text::whole(range_m * 1e3) / 1e3;
+    let whole_mm = whole_millimetres(range);
     if whole_mm as f32 == range {
         whole_mm
     } else if range_m.abs() < 1e6 {
@@ -202,6 +210,11 @@ fn metres(range: f32) -> f64 {
     } else {
         range_m
     }
+}
+
+/// The whole millimetre nearest to a range, m.
+fn whole_millimetres(range: f32) -> f64 {
+    text::whole(f64::from(range) * 1e3) / 1e3
 }
 
 #[cfg(test)]

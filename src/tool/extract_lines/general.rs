@@ -2,21 +2,13 @@
 
 use super::strategy::{self, WindowArgs};
 use super::{Method, positive};
-use crate::lines::em::{Em, EmOptions};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
-use crate::lines::hough::{
-    FastHough, FastHoughOptions, Hough, HoughOptions, ModifiedHough, ModifiedHoughOptions,
-    WindowSize,
-};
-use crate::lines::iepf::{Iepf, IepfOptions};
-use crate::lines::incremental::{Incremental, IncrementalOptions};
+use crate::lines::hough::{HoughOptions, ModifiedHough, ModifiedHoughOptions, WindowSize};
 use crate::lines::known_lines::SecondLook;
-use crate::lines::line_regression::{LineRegression, LineRegressionOptions};
+use crate::lines::methods;
 use crate::lines::ml::{Ml, MlOptions};
-use crate::lines::ransac::{Ransac, RansacOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
-use crate::lines::split_and_merge::{SplitAndMerge, SplitAndMergeOptions};
 use crate::record::{BeamFate, NormalLine, Scan, Segment};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
 use std::path::Path;
@@ -220,27 +212,7 @@ impl GeneralArgs {
             let text = "--flatness-mm belongs to --method ml";
             return Err(Fault::Usage(text.to_owned()));
         }
-        let hough = HoughOptions {
-            common,
-            ..HoughOptions::default()
-        };
         match method {
-            Method::SplitAndMerge => Ok(Box::new(SplitAndMerge::new(SplitAndMergeOptions {
-                common,
-                ..SplitAndMergeOptions::default()
-            }))),
-            Method::Iepf => Ok(Box::new(Iepf::new(IepfOptions {
-                common,
-                ..IepfOptions::default()
-            }))),
-            Method::Incremental => Ok(Box::new(Incremental::new(IncrementalOptions {
-                common,
-                ..IncrementalOptions::default()
-            }))),
-            Method::LineRegression => Ok(Box::new(LineRegression::new(LineRegressionOptions {
-                common,
-                ..LineRegressionOptions::default()
-            }))),
             Method::Ml => {
                 let default = MlOptions::default();
                 Ok(Box::new(Ml::new(MlOptions {
@@ -251,27 +223,16 @@ impl GeneralArgs {
                     ..default
                 })))
             }
-            Method::Hough => Ok(Box::new(Hough::new(hough))),
-            Method::FastHough => Ok(Box::new(FastHough::new(FastHoughOptions {
-                common,
-                ..FastHoughOptions::default()
-            }))),
             Method::ModifiedHough => Ok(Box::new(ModifiedHough::new(ModifiedHoughOptions {
-                whole: hough,
+                whole: HoughOptions {
+                    common,
+                    ..HoughOptions::default()
+                },
                 window,
             }))),
-            Method::Ransac => Ok(Box::new(Ransac::new(RansacOptions {
-                common,
-                ..RansacOptions::default()
-            }))),
-            Method::Em => Ok(Box::new(Em::new(EmOptions {
-                common,
-                ..EmOptions::default()
-            }))),
-            _ => {
-                let text = format!("--method {} cannot be used here", method.name());
-                Err(Fault::Usage(text))
-            }
+            _ => methods::extractor(&method.name(), common).ok_or_else(|| {
+                Fault::Usage(format!("--method {} cannot be used here", method.name()))
+            }),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The figures of a report as files, one each.
 
 use super::outputs;
-use crate::report::Figure;
+use crate::report::{Figure, MapStyle};
 use crate::stream::Fault;
 use anyhow::Context;
 use std::fs;
@@ -19,6 +19,16 @@ pub struct PictureArgs {
     /// Write each figure as a PNG file into a directory, which is made if need be
     #[arg(long, value_name = "DIR")]
     pub png: Option<PathBuf>,
+}
+
+/// How maps are drawn.
+pub(super) fn parse_maps(text: &str) -> Result<MapStyle, String> {
+    match text {
+        "cells" => Ok(MapStyle::Cells),
+        "contours" => Ok(MapStyle::Contours),
+        "both" => Ok(MapStyle::Both),
+        _ => Err("cells, contours or both is wanted".to_owned()),
+    }
 }
 
 impl PictureArgs {

@@ -3,10 +3,11 @@
 use super::evaluation::EvaluationArgs;
 use super::forms::FormArgs;
 use super::inputs::Inputs;
+use super::pictures::{PictureArgs, parse_maps};
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, Reference, Report, evaluate, merge, origin, page,
-    terminal,
+    Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, merge,
+    origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::common::{CommonArgs, parse_duration};
@@ -21,16 +22,15 @@ EXAMPLES
       | solve-pose -f frame.toml | tee poses.csv | report --truth truth.csv
   With a page:
     report --truth truth.csv --html report.html poses.csv
+  Its figures as files, the maps as contours:
+    report --truth truth.csv --svg figures --png figures --maps contours poses.csv
   Two methods side by side:
     report --truth truth.csv joint=poses.csv \\
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
   A run that was split up, put together again:
     report --truth truth.csv --merge <(sed 101q poses.csv) <(sed 2,101d poses.csv)
-  Parts of the workspace apart:
-    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
-  Tables for a spreadsheet and a paper; poses for other kits:
-    report --truth truth.csv --csv poses.csv > report-table.csv
-    report --truth truth.csv --latex joint=poses.csv vote=poses.csv --export tum out/ > table.tex
+  Parts of the workspace apart, as tables for a paper; the poses for other kits:
+    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' --latex --export tum out/ poses.csv
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
@@ -96,6 +96,12 @@ pub struct PoseArgs {
     /// Write a page with figures
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Pictures.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
+    /// Maps of the workspace as cells, contours or both, in pictures and page
+    #[arg(long, value_name = "HOW", default_value = "cells", value_parser = parse_maps)]
+    pub maps: MapStyle,
     /// Title of the page
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
@@ -126,7 +132,10 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     outputs::refuse_one_place(args.html.as_deref(), table)?;
     let report = make(args, &options)?;
     if let Some(path) = &args.html {
-        outputs::write(path, &page::write(&report))?;
+        outputs::write(path, &page::write(&report, args.maps))?;
+    }
+    if args.pictures.wanted() {
+        args.pictures.write(&page::figures(&report, args.maps))?;
     }
     let text = args.forms.text(&report, style(args), &options)?;
     outputs::print(&text, table)?;
@@ -250,9 +259,13 @@ fn date() -> Option<String> {
 fn style(args: &PoseArgs) -> terminal::Style {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
     let terminal = std::io::stdout().is_terminal() && args.common.output.is_none();
+    let bold = terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb");
+    let ascii = args.ascii || !outputs::is_utf8();
+    let wide = set("COLORTERM").is_some_and(|c| c == "truecolor" || c == "24bit");
     terminal::Style {
-        bold: terminal && set("NO_COLOR").is_none() && set("TERM").is_none_or(|t| t != "dumb"),
-        ascii: args.ascii || !outputs::is_utf8(),
+        bold,
+        colour: bold && wide && !ascii,
+        ascii,
         all_cells: args.cells,
     }
 }

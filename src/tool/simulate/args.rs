@@ -1,12 +1,16 @@
 //! The command line of `simulate` and the run that it describes.
 
 use super::dilution::DilutionArgs;
+use super::jobs::JobArgs;
 use super::office::{self, SceneArgs};
 use super::serve_args::{self, IMU_OPTIONS, ImuArgs, ServeArgs};
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
 use crate::record::{Axes, Stamp, TrajectoryPoint};
-use crate::simulate::{Course, Effect, Effects, Grid, Parameters, Scatter, Seed, Setup, scanner};
+use crate::simulate::scanner;
+use crate::simulate::{
+    Course, Effect, Effects, Grid, Parameters, Places, Scatter, Seed, Setup, SharedMotion,
+};
 use crate::stream::{Fault, Options, read_all};
 use crate::tool::common::{CommonArgs, Format, FrameArg, parse_duration};
 use anyhow::Context;
@@ -61,6 +65,8 @@ EXAMPLES
     simulate --scene office --view lms500 --n-scans 20 --truth true.csv > office.csv
   The scanner itself for one second, at a port that is free:
     simulate -f frame.toml --n-scans 35 --serve 127.0.0.1:0
+  The second of four parts of a run, for another machine; together they are the whole run:
+    simulate -f frame.toml --trajectory grid --shard 2/4 --truth truth-2.csv > scans-2.csv
   What a single scan can tell of the pose at all, place by place, with ranges only:
     simulate -f frame.toml --dilution --effects reference,-remission --step-m 1 > dilution.csv
   As a live source, one second of it:
@@ -134,6 +140,8 @@ pub struct Args {
     /// Give out each scan when it would be complete
     #[arg(long, conflicts_with = "serving")]
     pub(super) real_time: bool,
+    #[command(flatten)]
+    pub(super) jobs: JobArgs,
     #[command(flatten)]
     pub(super) dilution: DilutionArgs,
     #[command(flatten)]
@@ -478,7 +486,7 @@ fn course(
                 z_m: args.z_range,
                 step_m: args.step_m,
             };
-            Ok(stations(grid.poses()))
+            Ok(stations(Places::Grid(grid)))
         }
         "random" => {
             let tilt_rad = args.tilt_deg.to_radians();
@@ -487,9 +495,11 @@ fn course(
                 rotation_rad: [[-tilt_rad, tilt_rad]; 3],
             };
             let scans = n_scans.unwrap_or(1000 * args.scans_per_pose);
-            Ok(stations(
-                scatter.poses(seed, scans.div_ceil(args.scans_per_pose)),
-            ))
+            Ok(stations(Places::Scattered {
+                scatter,
+                seed,
+                count: scans.div_ceil(args.scans_per_pose),
+            }))
         }
         "line" => Ok(moving(
             args,
@@ -552,8 +562,8 @@ fn shuttle(args: &CourseArgs) -> Course {
     }
 }
 
-fn moving(args: &CourseArgs, desired: impl Motion + Clone + 'static) -> Course {
-    let truth: Box<dyn Motion> = match args.wobble_deg {
+fn moving(args: &CourseArgs, desired: impl Motion + Clone + Send + Sync + 'static) -> Course {
+    let truth: SharedMotion = match args.wobble_deg {
         Some(amplitude_deg) => Box::new(Wobble {
             motion: desired.clone(),
             amplitude_rad: amplitude_deg.map(f64::to_radians).into(),

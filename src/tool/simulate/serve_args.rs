@@ -115,7 +115,7 @@ pub fn refuse_foreign(
     unit: bool,
 ) -> Result<(), Fault> {
     let is_written = |option| written.value_source(option) == Some(ValueSource::CommandLine);
-    let unused = ["from", "to", "skip_bad"];
+    let unused = ["from", "to", "skip_bad", "jobs", "shard"];
     if let Some(option) = unused.into_iter().find(|option| is_written(option))
         && (args.is_asked() || cola)
     {

@@ -1,0 +1,74 @@
+//! What the extractors share that cut each group of neighbouring beams into runs on one line each,
+//! and then join the runs that one line explains together. How a group is cut is theirs:
+//! [`Cutter`].
+
+use super::assembly::Assembly;
+use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::fit::BeamSlice;
+use super::runs::{MergeRule, Runs};
+use super::segmentation::Returns;
+use crate::record::{NormalLine, Scan, Segment};
+
+/// A way to cut a group of neighbouring beams into runs.
+pub trait Cutter {
+    /// Its settings.
+    type Options;
+
+    /// A cutter with the given settings.
+    fn new(options: Self::Options) -> Self;
+
+    /// What all extractors share.
+    fn common(&self) -> &ExtractorOptions;
+
+    /// Chi-square by which a common line may be worse than two, for runs to be joined.
+    fn merge_chi2(&self) -> f64;
+
+    /// Adds the runs of `group`, whose first beam is the return with number `offset`, to `runs`, in
+    /// beam order.
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs);
+}
+
+/// An extractor that cuts and joins: a cutter with the buffers of a scan.
+#[derive(Clone, Debug, Default)]
+pub struct Cutting<C> {
+    cutter: C,
+    returns: Returns,
+    runs: Runs,
+    assembly: Assembly,
+}
+
+impl<C: Cutter> Cutting<C> {
+    /// An extractor with the given settings.
+    pub fn new(options: C::Options) -> Cutting<C> {
+        Cutting {
+            cutter: C::new(options),
+            returns: Returns::default(),
+            runs: Runs::default(),
+            assembly: Assembly::default(),
+        }
+    }
+}
+
+impl<C: Cutter> Extractor for Cutting<C> {
+    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
+        let options = *self.cutter.common();
+        self.returns.read(scan, &options.segmentation);
+        self.runs.clear();
+        for (from, to) in self.returns.groups() {
+            let group = self.returns.beams().run(from, to);
+            self.cutter.cut(group, from, &mut self.runs);
+        }
+        let rule = MergeRule::new(self.cutter.merge_chi2(), &options, scan);
+        self.runs.merge(&self.returns, &rule);
+        self.assembly
+            .add_all(scan, &self.returns, &self.runs, &options, out);
+    }
+
+    fn fates(&self) -> &[Fate] {
+        self.assembly.fates()
+    }
+
+    fn expect(&mut self, lines: &[NormalLine]) {
+        self.returns.expect(lines);
+    }
+}
