@@ -54,6 +54,19 @@ check:
 	$(MAKE) test
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps
 
+## fuzz: every parser on bytes that nobody would send, FUZZ_SECONDS=60 each; an error on a find (needs cargo-fuzz)
+FUZZ_SECONDS ?= 60
+.PHONY: fuzz
+fuzz:
+	@FUZZ_SECONDS=$(FUZZ_SECONDS) fuzz/run
+
+## soak: a live chain under an hour's faults (5 minutes; SOAK_SECONDS, SOAK_SEED); an error where something is lost uncounted
+SOAK_SECONDS ?= 300
+SOAK_SEED ?= 1
+.PHONY: soak
+soak:
+	CABLEPOSE_SOAK_S=$(SOAK_SECONDS) CABLEPOSE_SOAK_SEED=$(SOAK_SEED) $(CARGO) test --locked --test soak -- --nocapture
+
 ## man: rewrites man/*.1 from the tools' own help
 .PHONY: man
 man:

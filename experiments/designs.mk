@@ -8,4 +8,18 @@ strip-designs:
 
 .PHONY: yaw-range
 yaw-range:
-	@$(PYTHON) yaw_range.py $(FRAME) $(abspath $(OUT))/yaw-range
+	@mkdir -p $(OUT)
+	@$(PYTHON) yaw_range.py $(FRAME) $(abspath $(OUT))/yaw-range.csv
+
+# Kurniawan 2017, Fig. 3.13: the same with its page and its row of the summary.
+YAW := $(OUT)/yaw
+EXPERIMENTS += fig-3-13
+.PHONY: fig-3-13
+fig-3-13: $(YAW)/report.txt
+	@cat $(OUT)/$@.row
+
+$(YAW)/report.txt: $(FRAME) yaw_range.py yaw_row.py
+	@mkdir -p $(@D)
+	$(PYTHON) yaw_range.py $(FRAME) $(@D)/yaw-range.csv > $@
+	report frame $(FRAME) --html $(@D)/report.html > $(@D)/frame.txt
+	$(PYTHON) yaw_row.py $(@D)/yaw-range.csv $(OUT)

@@ -1,10 +1,10 @@
 """Over which yaw the reflectors on the walls are hit: Kurniawan 2017, eq. 3.104, beside scans.
 
-    yaw_range.py FRAME.toml OUT
+    yaw_range.py FRAME.toml OUT.csv
 
 tan(yaw) = 0.5 w / d, d the distance to the further wall along y, x = 0, no pitch. For every y the yaw
-is raised in steps until a wall is no longer found. Programs are taken from PATH. Ends with status 4
-where scans and formula differ by more than two steps.
+is raised in steps until a wall is no longer found. Programs are taken from PATH. Leaves what it prints in OUT.csv
+too. Ends with status 4 where scans and formula differ by more than two steps.
 """
 
 import csv
@@ -45,11 +45,14 @@ def main():
             if both and last[i] == (k - 1) * STEP_DEG:
                 last[i] = k * STEP_DEG
     missed = False
+    out = open(sys.argv[2], "w")
+    print("y_m,formula_deg,scans_deg", file=out)
     print(f"{'y m':>6}{'eq. 3.104 deg':>15}{'scans deg':>11}")
     for y, seen in zip(ys, last):
         formula = math.degrees(math.atan(0.5 * width_m / (half_m + abs(y))))
         bad = not formula - 2 * STEP_DEG <= seen <= formula + STEP_DEG
         missed |= bad
+        print(f"{y:.1f},{formula:.3f},{seen:.2f}", file=out)
         print(f"{y:>6.1f}{formula:>15.3f}{seen:>11.2f}{'  MISSED' if bad else ''}")
     sys.exit(4 if missed else 0)
 

@@ -20,6 +20,7 @@
 //! - [`edges`] strip edges from a scan and its lines
 //! - [`pose`] the pose from lines and edges
 //! - [`motion`] trajectories
+//! - [`robot`] cables, pulleys, and where the lengths that a controller winds put the platform
 //! - [`simulate`] a virtual frame, scanner and IMU
 //! - [`report`] error statistics, figures and the page
 //!
@@ -36,6 +37,7 @@ pub mod motion;
 pub mod pose;
 pub mod record;
 pub mod report;
+pub mod robot;
 pub mod sick;
 pub mod simulate;
 pub mod stream;

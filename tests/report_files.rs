@@ -202,7 +202,7 @@ fn a_run_is_taken_away_as_it_was_compared() {
                 report --truth truth.csv --delay 37ms --export tum late/ truth.csv";
     sh(&dir, late).expect(0);
     let first = |name: &str| {
-        let line = format!("sed -n 2p late/{name}.tum");
+        let line = format!("sed -n 2p 'late/{name}.tum'");
         let ended = sh(&dir, &line).expect(0);
         let stamp = ended.text().split(' ').next().unwrap().replace('.', "");
         stamp.parse::<i64>().unwrap()

@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_report_global_optspecs
-    string join \n truth= desired= association= max-diff= imu= zone= cell-m= fail-if= json html= title= cells ascii o/output= input-format= skip-bad from= to= q/quiet v/verbose format= h/help V/version
+    string join \n truth= desired= merge association= max-diff= align= delay= rpe= rpe-pairs= zone= cell-m= min-count= imu= f/frame= lines= fail-if= json csv markdown latex export= html= svg= png= maps= title= cells ascii o/output= input-format= skip-bad from= to= meta q/quiet v/verbose format= h/help V/version
 end
 
 function __fish_report_needs_command
@@ -24,30 +24,49 @@ function __fish_report_using_subcommand
     contains -- $cmd[1] $argv
 end
 
-complete -c report -n "__fish_report_needs_command" -l truth -d 'True trajectory [default: /truth in the first run\'s stream, if that is MCAP]' -r -F
-complete -c report -n "__fish_report_needs_command" -l desired -d 'Desired trajectory, to compare with in place of the truth' -r -F
+complete -c report -n "__fish_report_needs_command" -l truth -d 'True trajectory; several files are parts of one [default: /truth in the first run\'s stream, if that is MCAP]' -r -F
+complete -c report -n "__fish_report_needs_command" -l desired -d 'Desired trajectory, to compare with in place of the truth; several files are parts of one' -r -F
 complete -c report -n "__fish_report_needs_command" -l association -d 'Reference between two of its points: interpolated, or the nearest point' -r
 complete -c report -n "__fish_report_needs_command" -l max-diff -d 'Longest time between points interpolated between [default: three spacings], or to the nearest [default: 10ms]' -r
-complete -c report -n "__fish_report_needs_command" -l imu -d 'A record of the IMU at rest: Allan deviations beside the 3DM-GX1\'s data sheet; alone, or with poses' -r -F
+complete -c report -n "__fish_report_needs_command" -l align -d 'Bring the poses into the reference\'s frame first: none, se2 (yaw and x, y, z), se3, full (se3 that the orientations have a say in), first:N (by the first N poses) or file:PATH (the JSON of an earlier report, or six numbers as TOML)' -r
+complete -c report -n "__fish_report_needs_command" -l delay -d 'The poses\' delay: show (it is estimated and stated, the errors are as measured), none, estimate (the errors are without it) or a time to take out, such as 37ms' -r
+complete -c report -n "__fish_report_needs_command" -l rpe -d 'Relative errors too, between poses so far apart: 1s, 500ms, 1m, 500mm, 10f (poses); several allowed' -r
+complete -c report -n "__fish_report_needs_command" -l rpe-pairs -d 'Pairs of the relative errors: consecutive, or all' -r
 complete -c report -n "__fish_report_needs_command" -l zone -d 'Score only where the reference pose is, as \'z<=3.5\', \'|y|<4,z>=0.5\', \'z:0.5:3.5\' (m, deg), with a name in front if wanted (low=z<=3.5); several are scored side by side' -r
 complete -c report -n "__fish_report_needs_command" -l cell-m -d 'Size of the workspace\'s cells, m [default: from the data]' -r
+complete -c report -n "__fish_report_needs_command" -l min-count -d 'Leave cells of the workspace with fewer poses empty [default: 3; of a grid 1]' -r
+complete -c report -n "__fish_report_needs_command" -l imu -d 'A record of the IMU: orientations and rates are compared with it; of a unit at rest, alone or with poses, Allan deviations beside the 3DM-GX1\'s data sheet' -r -F
+complete -c report -n "__fish_report_needs_command" -s f -l frame -d 'Frame file, for how the IMU is mounted [default: level]' -r -F
+complete -c report -n "__fish_report_needs_command" -l lines -d 'The lines that the poses were made from: residuals and points by face, strips seen' -r -F
 complete -c report -n "__fish_report_needs_command" -l fail-if -d 'End with status 4 if the condition holds, as \'x.rms_mm>4.1\' or \'joint:yaw.p95_deg>0.2\'; several allowed' -r
+complete -c report -n "__fish_report_needs_command" -l export -d 'Write the runs as they were compared (aligned, without the delay, where that is asked for) and the reference to DIR/NAME.tum or .euroc, for other kits' -r
 complete -c report -n "__fish_report_needs_command" -l html -d 'Write a page with figures' -r -F
+complete -c report -n "__fish_report_needs_command" -l svg -d 'Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)' -r -F
+complete -c report -n "__fish_report_needs_command" -l png -d 'Write each figure as a PNG file into a directory, which is made if need be' -r -F
+complete -c report -n "__fish_report_needs_command" -l maps -d 'Maps of the workspace as cells, contours or both, in pictures and page' -r
 complete -c report -n "__fish_report_needs_command" -l title -d 'Title of the page' -r
 complete -c report -n "__fish_report_needs_command" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
 complete -c report -n "__fish_report_needs_command" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
 complete -c report -n "__fish_report_needs_command" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
 complete -c report -n "__fish_report_needs_command" -l to -d 'Leave out records after TIME' -r
 complete -c report -n "__fish_report_needs_command" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_needs_command" -l merge -d 'Files with the same NAME= in front, and those without one, are parts of one run, as those of simulate --shard: together they are what the whole run would have been'
 complete -c report -n "__fish_report_needs_command" -l json -d 'Print JSON in place of the table'
+complete -c report -n "__fish_report_needs_command" -l csv -d 'Print every number as CSV: run,zone,axis,statistic,value'
+complete -c report -n "__fish_report_needs_command" -l markdown -d 'Print the errors, the runs side by side and where they come from in Markdown'
+complete -c report -n "__fish_report_needs_command" -l latex -d 'Print the errors and the runs side by side in LaTeX (package booktabs)'
 complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y and z too'
 complete -c report -n "__fish_report_needs_command" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_needs_command" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c report -n "__fish_report_needs_command" -s V -l version -d 'Print version'
 complete -c report -n "__fish_report_needs_command" -a "lines" -d 'Scores extracted lines against the true ones'
+complete -c report -n "__fish_report_needs_command" -a "diff" -d 'Compares two files of records'
+complete -c report -n "__fish_report_needs_command" -a "convert" -d 'Writes records in another encoding, several files into one, one into several'
+complete -c report -n "__fish_report_needs_command" -a "robot" -d 'Finds where a robot\'s pulleys are, from poses measured where it stood'
 complete -c report -n "__fish_report_using_subcommand lines" -l truth -d 'True segments' -r -F
 complete -c report -n "__fish_report_using_subcommand lines" -l point-sigma-cm -d 'Gate: noise of a point' -r
 complete -c report -n "__fish_report_using_subcommand lines" -l gate-pct -d 'Gate: probability that a true line passes' -r
@@ -65,6 +84,53 @@ complete -c report -n "__fish_report_using_subcommand lines" -l format -d 'Encod
 complete -c report -n "__fish_report_using_subcommand lines" -l json -d 'Print JSON in place of the table'
 complete -c report -n "__fish_report_using_subcommand lines" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_using_subcommand lines" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand lines" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_using_subcommand lines" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand lines" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand lines" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand diff" -l tol -d 'Numbers of these columns may be as far apart: in the column\'s unit, or in % of the larger one. NAME may have * for any characters; the last one that fits a column holds' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l ignore -d 'Pass these columns over' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l key -d 'CSV: rows with the same value of this column belong together' -r
+complete -c report -n "__fish_report_using_subcommand diff" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand diff" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand diff" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand diff" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand diff" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand diff" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
+complete -c report -n "__fish_report_using_subcommand diff" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand convert" -l only -d 'Of an MCAP only these records: scans, imu, lines, segments, poses, truth, desired, clock, ..' -r
+complete -c report -n "__fish_report_using_subcommand convert" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand convert" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand convert" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
+complete -c report -n "__fish_report_using_subcommand convert" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand convert" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand robot" -l robot -d 'Robot file: what the controller believes' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l desired -d 'The desired trajectory, CSV or MCAP' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l find -d 'What is looked for: a group of cables and an axis along which all its pulleys are shifted; several allowed' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l corrected -d 'Write the robot file with the pulleys where they were found' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l least -d 'Shortest rest that is a place' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l settle -d 'Poses this close to a rest\'s begin and end do not count' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-mm -d 'Standard deviation of a position that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l sigma-deg -d 'Standard deviation of an angle that comes without a covariance' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-mm -d 'How well the rest of the robot is known, where positions show it (standard deviation)' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l model-sigma-deg -d 'The same for angles' -r
+complete -c report -n "__fish_report_using_subcommand robot" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand robot" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand robot" -l json -d 'Print JSON in place of the tables'
+complete -c report -n "__fish_report_using_subcommand robot" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
+complete -c report -n "__fish_report_using_subcommand robot" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand robot" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
+complete -c report -n "__fish_report_using_subcommand robot" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand robot" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand robot" -s h -l help -d 'Print help (see more with \'--help\')'

@@ -413,9 +413,9 @@ impl Frame {
     }
 }
 
-/// `line:column: key: ` of a place in a frame file's text; the key, with its table, is that of the
-/// last line up to there that has one.
-fn place(text: &str, offset: usize) -> String {
+/// `line:column: key: ` of a place in the text of a frame file or another TOML file of tables; the
+/// key, with its table, is that of the last line up to there that has one.
+pub(crate) fn place(text: &str, offset: usize) -> String {
     let before = text.get(..offset).unwrap_or(text);
     let start = before.rfind('\n').map_or(0, |at| at + 1);
     let (line, column) = (

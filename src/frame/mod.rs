@@ -25,6 +25,8 @@ pub mod edit;
 mod imu_axes;
 mod scanner_model;
 
+pub(crate) use config::place;
+
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
 pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};

@@ -37,6 +37,9 @@ pub struct StrategyOptions {
     /// Two beams on the upper line are of one strip up to this many times the distance of
     /// neighbours.
     pub apart: f64,
+    /// Whether to stop after step 1: the transform's best cells are the lines, as on the PC/104 that
+    /// was too slow for the rest (Fig. 5.14).
+    pub coarse: bool,
 }
 
 impl Default for StrategyOptions {
@@ -48,6 +51,7 @@ impl Default for StrategyOptions {
             min_points: 8,
             estimator: Estimator::OrdinaryLeastSquares(Axis::Auto),
             apart: 1.5,
+            coarse: false,
         }
     }
 }
@@ -167,6 +171,9 @@ impl Strategy {
         if (lines[0].d_m + lines[2].d_m - self.dy_m).abs() > WIDTH_M {
             return None;
         }
+        if self.options.coarse {
+            return Some(found.map(|cell| self.cell(cell)));
+        }
         let sectors = self.sectors(&lines)?;
         let mut fitted = [FittedLine::default(); 3];
         for (k, sector) in sectors.into_iter().enumerate() {
@@ -174,6 +181,22 @@ impl Strategy {
             fitted[k] = self.fit(lines[k])?;
         }
         Some(fitted)
+    }
+
+    /// A cell of the transform as a line, known to within the cell.
+    fn cell(&self, cell: Option<([f64; 2], u32)>) -> FittedLine {
+        let Some(([d_m, alpha_rad], votes)) = cell else {
+            return FittedLine::default();
+        };
+        let window = &self.options.window;
+        FittedLine {
+            normal: NormalLine::new(d_m, alpha_rad),
+            cov_dd: window.row_m.powi(2) / 12.0,
+            cov_da: 0.0,
+            cov_aa: window.column_rad.powi(2) / 12.0,
+            points: votes,
+            rms_m: f64::NAN,
+        }
     }
 
     /// Beams of the right, upper and left line, eq. 4.23: up to the corner points.

@@ -50,8 +50,20 @@ pub enum ArrivalsError {
 
 impl Arrivals {
     /// Reads the table.
+    ///
+    /// A row that a program that was killed has left without its end is passed over.
     pub fn read(table: impl Read) -> Result<Arrivals, ArrivalsError> {
-        let mut reader = csv::Reader::from_reader(table);
+        let mut bytes = Vec::new();
+        let mut table = table;
+        table.read_to_end(&mut bytes).map_err(csv::Error::from)?;
+        // Only what this project writes ends every row; other programs may leave the last one open.
+        let line_end = |byte: &u8| *byte == b'\n';
+        let header = bytes.split(line_end).next().unwrap_or_default();
+        if header.windows(9).any(|name| name == b"session_s") {
+            let whole = bytes.iter().rposition(line_end).map_or(0, |at| at + 1);
+            bytes.truncate(whole);
+        }
+        let mut reader = csv::Reader::from_reader(&bytes[..]);
         let header = reader.headers()?.clone();
         let find = |name| header.iter().position(|column| column == name);
         let time = find("t_s").ok_or(ArrivalsError::Column("t_s"))?;
@@ -206,6 +218,12 @@ mod tests {
         assert_eq!(utc(&arrivals, 99), Some(1_000_000_000));
         assert_eq!(utc(&arrivals, 5000), Some(2_000_000_000));
         assert_eq!(arrivals.at(99).unwrap().raw_ns, 1_000_000_000);
+        // Cut off in its last row: that one is not there.
+        let whole = "t_s,raw_s,offset,length,session_s\n1,1,0,10,1\n";
+        for cut in ["2", "2,2,10", "2,2,10,5,1", "2,2,10,5,1.5"] {
+            let cut = Arrivals::read(format!("{whole}{cut}").as_bytes()).unwrap();
+            assert_eq!(cut, Arrivals::read(whole.as_bytes()).unwrap());
+        }
         let late = Arrivals::read(&b"t_s,offset\n1,10\n"[..]).unwrap();
         assert_eq!(late.at(9), None);
     }

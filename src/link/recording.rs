@@ -157,7 +157,9 @@ impl Part {
             since: Instant::now(),
             written: Instant::now(),
         };
+        // The header goes out at once: a table without one is none, whatever ends this process.
         writeln!(part.times, "t_s,raw_s,offset,length,session_s")
+            .and_then(|()| part.times.flush())
             .map_err(|error| RecordingError::new(&part.times_path, &error))?;
         Ok(part)
     }

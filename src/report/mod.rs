@@ -49,6 +49,7 @@ mod pixels;
 mod pushes;
 mod quality;
 mod relative;
+pub mod robot;
 mod scale;
 mod scans;
 mod stability;

@@ -11,7 +11,7 @@
 //! | 69 | device or server not available |
 //! | 74 | I/O error, a full disk included |
 //! | 78 | bad configuration |
-//! | 130, 143 | ended by SIGINT or SIGTERM before anything had come |
+//! | 129, 130, 143 | ended by SIGHUP, SIGINT or SIGTERM before anything had come |
 //!
 //! A library error says its class with [`Fault`]; [`status`] finds it, or the I/O error that `csv`
 //! and `mcap` hide in their own, along the chain of causes.

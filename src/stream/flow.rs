@@ -6,6 +6,8 @@
 //! either, and a stage that waits for a side input follows the same rule.
 
 use super::exit::Fault;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGXFSZ};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::cell::RefCell;
@@ -81,10 +83,10 @@ pub(super) fn named(name: &str, error: io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("{name}: {text}"))
 }
 
-/// Lets the first SIGINT pass and the second one end the process with status 130.
+/// Lets the first SIGINT pass and the second one end the process with status 130. SIGHUP passes.
 ///
-/// Ctrl-C reaches every program of a pipeline at once. The source ends its stream, and everything
-/// behind it must live on until that end has come through.
+/// Ctrl-C reaches every program of a pipeline at once, and so does the end of its terminal. The
+/// source ends its stream, and everything behind it must live on until that end has come through.
 pub(super) fn drain_on_interrupt() -> io::Result<()> {
     static ONCE: Once = Once::new();
     let mut result = Ok(());
@@ -92,41 +94,85 @@ pub(super) fn drain_on_interrupt() -> io::Result<()> {
         let interrupted = Arc::new(AtomicBool::new(false));
         result = flag::register_conditional_shutdown(SIGINT, 130, Arc::clone(&interrupted))
             .and_then(|_| flag::register(SIGINT, interrupted))
-            .map(|_| ());
+            .and_then(|_| on_hangup(&Arc::default(), &Arc::default()));
     });
     result
 }
 
-/// SIGINT and SIGTERM for a source: the first asks it to end in good order, a second one ends it.
+/// Takes over SIGHUP: sets `seen`, and `signal` to its number. It never ends the process by itself,
+/// because a terminal that goes away sends it twice, by the kernel and by the shell. Where whoever
+/// started the process has it ignored, as nohup does, it stays so.
+#[cfg(unix)]
+fn on_hangup(seen: &Arc<AtomicBool>, signal: &Arc<AtomicUsize>) -> io::Result<()> {
+    if is_ignored(SIGHUP) {
+        return Ok(());
+    }
+    flag::register(SIGHUP, Arc::clone(seen))?;
+    flag::register_usize(SIGHUP, Arc::clone(signal), number(SIGHUP))?;
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn on_hangup(_: &Arc<AtomicBool>, _: &Arc<AtomicUsize>) -> io::Result<()> {
+    Ok(())
+}
+
+/// Whether the process was started with a signal ignored. Linux tells; elsewhere it counts as not.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status
+        .lines()
+        .find_map(|line| line.strip_prefix("SigIgn:"))
+        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    // The lowest bit is signal 1.
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+/// Makes a file that may grow no further (`ulimit -f`) an error of the write, as a full disk is,
+/// where it would end the process without a word.
+pub(crate) fn outlive_file_limit() {
+    #[cfg(unix)]
+    {
+        // Where this fails the process ends at the limit, as any other does.
+        let _ = flag::register(SIGXFSZ, Arc::default());
+    }
+}
+
+fn number(signal: i32) -> usize {
+    usize::try_from(signal).unwrap_or(0)
+}
+
+/// SIGINT, SIGTERM and SIGHUP for a source: the first asks it to end in good order, a second SIGINT
+/// or SIGTERM ends it. A device must not go on because its terminal went away.
 #[derive(Clone)]
 pub struct Stop {
     signal: Arc<AtomicUsize>,
 }
 
 impl Stop {
-    /// Takes over both signals.
+    /// Takes over the signals.
     pub fn install() -> anyhow::Result<Stop> {
         let signal = Arc::new(AtomicUsize::new(0));
         let stopping = Arc::new(AtomicBool::new(false));
         for number in [SIGINT, SIGTERM] {
             flag::register_conditional_shutdown(number, 128 + number, Arc::clone(&stopping))?;
             flag::register(number, Arc::clone(&stopping))?;
-            let value = usize::try_from(number).unwrap_or(0);
-            flag::register_usize(number, Arc::clone(&signal), value)?;
+            flag::register_usize(number, Arc::clone(&signal), self::number(number))?;
         }
+        on_hangup(&stopping, &signal)?;
         Ok(Stop { signal })
     }
 
     /// SIGTERM alone, for a filter that has a last word to say: the first asks it to end in good
-    /// order, a second one ends it. SIGINT is what it is to any filter.
+    /// order, a second one ends it. SIGINT and SIGHUP are what they are to any filter.
     pub fn install_for_filter() -> anyhow::Result<Stop> {
         drain_on_interrupt()?;
         let signal = Arc::new(AtomicUsize::new(0));
         let stopping = Arc::new(AtomicBool::new(false));
         flag::register_conditional_shutdown(SIGTERM, 128 + SIGTERM, Arc::clone(&stopping))?;
         flag::register(SIGTERM, stopping)?;
-        let value = usize::try_from(SIGTERM).unwrap_or(0);
-        flag::register_usize(SIGTERM, Arc::clone(&signal), value)?;
+        flag::register_usize(SIGTERM, Arc::clone(&signal), number(SIGTERM))?;
         Ok(Stop { signal })
     }
 
@@ -135,8 +181,8 @@ impl Stop {
         self.signal.load(Ordering::Relaxed) != 0
     }
 
-    /// The end of a source that has written `records`: an error that ends the program with 130 or
-    /// 143 where a signal came before any record had.
+    /// The end of a source that has written `records`: an error that ends the program with 128 and
+    /// the signal's number (129, 130, 143) where one came before any record had.
     pub fn check(&self, records: u64) -> anyhow::Result<()> {
         match self.signal.load(Ordering::Relaxed) {
             0 => Ok(()),

@@ -10,6 +10,7 @@
 use super::check::{BadField, Checks, StreamRecord};
 use super::csv::RowError;
 use super::exit::Fault;
+use super::mcap_lengths;
 use super::output::Output;
 use super::provenance::{self, Provenance};
 use super::ros2::{Bodies, MARKERS, Message, Messages, TF_STATIC, Topic};
@@ -18,7 +19,7 @@ use super::window::WindowState;
 use super::{Options, Role};
 use crate::frame::{Frame, Scanner};
 use crate::record::{ImuSample, Stamp};
-use mcap::records::{MessageHeader, Metadata, Record as McapRecord};
+use mcap::records::{MessageHeader, Metadata, Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::write::NoSeek;
 use mcap::{Compression, McapError, WriteOptions};
@@ -489,6 +490,20 @@ impl<R: StreamRecord> State<R> {
         pass: Option<&Output>,
         window: &mut WindowState,
     ) -> Result<Step, RowError> {
+        if !matches!(
+            opcode,
+            op::MESSAGE | op::SCHEMA | op::CHANNEL | op::METADATA
+        ) {
+            return Ok(Step::Nothing);
+        }
+        if !mcap_lengths::fit(opcode, data) {
+            let (name, records, kind) = (&self.name, self.records, R::KIND);
+            let text = format!(
+                "{name}: not a whole MCAP after {records} {kind} records: a length in record \
+                 {opcode:02x} goes beyond it"
+            );
+            return Err(RowError::Fatal(Fault::BadData(text).into()));
+        }
         let record = mcap::parse_record(opcode, data).map_err(|error| self.damaged(error))?;
         match record {
             McapRecord::Message { header, data } => self.message(&header, &data, pass, window),

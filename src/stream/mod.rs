@@ -24,8 +24,11 @@ mod flow;
 mod input;
 mod kinds;
 mod mcap;
+mod mcap_lengths;
 mod output;
 mod passing;
+#[cfg(unix)]
+mod patient;
 mod progress;
 mod provenance;
 mod reader;
@@ -38,6 +41,7 @@ mod side;
 mod topics;
 mod trajectory_text;
 pub mod viewer;
+mod whole_file;
 mod window;
 
 pub use check::{BadField, StreamRecord};
@@ -46,14 +50,18 @@ pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;
+pub(crate) use flow::outlive_file_limit;
 pub use input::{Bytes, Input, read_all};
 pub use kinds::{Kind, KindVisitor};
 pub use output::Output;
 pub use passing::{pass_unchanged, passes_unchanged};
+#[cfg(unix)]
+pub(crate) use patient::leave_stuck_writes;
 pub use provenance::Provenance;
 pub use reader::reader_left;
 pub use side::SideInput;
 pub use topics::{TopicContents, topics};
+pub use whole_file::WholeFile;
 pub use window::{Place, WindowState};
 
 use crate::record::Stamp;

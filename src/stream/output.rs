@@ -6,6 +6,8 @@ use super::exit::{self, Fault};
 use super::flow::{self, BeforeWait};
 use super::input::Input;
 use super::mcap::McapWriter;
+#[cfg(unix)]
+use super::patient::Patient;
 use super::provenance::Provenance;
 use super::trajectory_text::{Layout, TextWriter};
 use super::{Encoding, Options, Role};
@@ -59,11 +61,11 @@ struct Rename {
 static CLAIMED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// The names that an output has to itself as long as it is open.
-struct Claim([PathBuf; 2]);
+pub(super) struct Claim([PathBuf; 2]);
 
 impl Claim {
     /// Claims a file's name and its partial name; fails if another output has one of them.
-    fn new(names: [&Path; 2]) -> Result<Claim, Fault> {
+    pub(super) fn new(names: [&Path; 2]) -> Result<Claim, Fault> {
         let names = names.map(absolute);
         let mut claimed = CLAIMED.lock().unwrap_or_else(PoisonError::into_inner);
         if names.iter().any(|name| claimed.contains(name)) {
@@ -95,7 +97,7 @@ fn absolute(path: &Path) -> PathBuf {
 }
 
 /// What a symbolic link points to in the end, whether or not it is there; any other path itself.
-fn behind_links(path: &Path) -> PathBuf {
+pub(super) fn behind_links(path: &Path) -> PathBuf {
     /// As many as Linux follows.
     const LINKS: usize = 40;
     let mut path = path.to_owned();
@@ -106,6 +108,13 @@ fn behind_links(path: &Path) -> PathBuf {
         path = path.parent().unwrap_or(Path::new("")).join(target);
     }
     path
+}
+
+/// What a file is called until it is whole.
+pub(super) fn partial_of(path: &Path) -> PathBuf {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    PathBuf::from(partial)
 }
 
 /// A file or stdout whose errors name it.
@@ -173,9 +182,7 @@ impl Output {
             (path.to_owned(), None)
         } else {
             let to = behind_links(path);
-            let mut partial = to.as_os_str().to_owned();
-            partial.push(".partial");
-            let from = PathBuf::from(partial);
+            let from = partial_of(&to);
             let claim = Claim::new([&to, &from])?;
             let rename = Rename {
                 from: from.clone(),
@@ -183,10 +190,14 @@ impl Output {
             };
             (from, Some((rename, claim)))
         };
-        let file = File::create(&create)
-            .map_err(|error| flow::named(&create.display().to_string(), error))?;
+        let file: io::Result<Box<dyn Write>> = match in_place {
+            #[cfg(unix)]
+            true => Patient::open(&create).map(|file| Box::new(file) as Box<dyn Write>),
+            _ => File::create(&create).map(|file| Box::new(file) as Box<dyn Write>),
+        };
+        let file = file.map_err(|error| flow::named(&create.display().to_string(), error))?;
         let target = Target {
-            inner: Box::new(file),
+            inner: file,
             name: path.display().to_string(),
         };
         Output::new(target, encoding, options, rename, in_place && further)
@@ -410,7 +421,7 @@ pub(super) fn stdout_unbuffered() -> impl Write + 'static {
     use std::os::fd::AsFd;
     // A duplicate, so that closing it leaves descriptor 1 open.
     match io::stdout().as_fd().try_clone_to_owned() {
-        Ok(fd) => Box::new(File::from(fd)) as Box<dyn Write>,
+        Ok(fd) => Box::new(Patient::new(File::from(fd))) as Box<dyn Write>,
         Err(_) => Box::new(io::stdout()),
     }
 }

@@ -1,6 +1,6 @@
 //! When a capture ends: a signal, a time limit, a reader that left.
 
-use crate::stream::{Options, Stop, reader_left};
+use crate::stream::{Options, Stop, leave_stuck_writes, reader_left};
 use std::cell::Cell;
 use std::path::Path;
 use std::rc::Rc;
@@ -20,6 +20,7 @@ pub(super) struct Ending {
 
 impl Ending {
     pub(super) fn new(stop: Stop, options: &Options) -> Rc<Ending> {
+        leave_stuck_writes(&stop);
         let output = options.output.as_deref();
         Rc::new(Ending {
             stop,

@@ -14,7 +14,7 @@ pub mod solve_pose;
 mod tee;
 pub mod timesync;
 
-use crate::stream::{Fault, Outcome, exit};
+use crate::stream::{Fault, Outcome, exit, outlive_file_limit};
 use std::process::ExitCode;
 
 /// Runs a tool: reads its command line, prints what went wrong as `name: message: cause` on stderr,
@@ -31,6 +31,7 @@ pub fn main<A: clap::Parser>(
             return ExitCode::from(u8::try_from(usage.exit_code()).unwrap_or(2));
         }
     };
+    outlive_file_limit();
     match run(args) {
         Ok(outcome) => exit::with_losses(outcome).status().into(),
         Err(error) => {

@@ -6,6 +6,7 @@ mod cola;
 mod dilution;
 mod jobs;
 mod office;
+mod robot;
 mod serve;
 mod serve_args;
 mod serve_hokuyo;

@@ -90,7 +90,13 @@ pub fn scratch(name: &str) -> PathBuf {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&dir);
     fs::create_dir_all(&dir).unwrap();
-    fs::copy(testdata("cablar.toml"), dir.join("frame.toml")).unwrap();
+    for (from, to) in [
+        ("cablar.toml", "frame.toml"),
+        ("robot.toml", "robot.toml"),
+        ("robot-real.toml", "real.toml"),
+    ] {
+        fs::copy(testdata(from), dir.join(to)).unwrap();
+    }
     dir
 }
 

@@ -414,14 +414,14 @@ mod tests {
         assert_eq!(
             texts(&wanted, &Present::default()),
             [
-                "sMN SetAccessMode 03 F4724744",
+                "sMN SetAccessMode 03 (hash of the password)",
                 "sWN LMDscandatacfg 01 00 1 0 0 00 00 0 0 0 1 2",
                 "sWN FREchoFilter 1",
                 "sWN LFPmeanfilter 1 4 0",
                 "sWN LFPparticle 0 1F4",
                 "sWN LMPoutputRange +1 1388 +0 +1800000",
                 "sMN Run",
-                "sMN SetAccessMode 03 F4724744",
+                "sMN SetAccessMode 03 (hash of the password)",
                 "sMN mLMPsetscancfg 1388 +1 1388 -50000 +1850000",
                 "sMN mEEwriteall",
                 "sMN Run",

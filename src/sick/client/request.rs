@@ -185,7 +185,11 @@ impl fmt::Display for Request {
         let mut text = format!("{} {}", self.verb.request(), self.name);
         for argument in &self.arguments {
             text.push(' ');
-            argument.write_text(&mut text);
+            match argument {
+                // A message or a log is no place for it.
+                Value::Hash(_) => text.push_str("(hash of the password)"),
+                argument => argument.write_text(&mut text),
+            }
         }
         f.write_str(&text)
     }

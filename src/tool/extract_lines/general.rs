@@ -245,6 +245,10 @@ pub(super) fn run(
     input: Option<&Path>,
     options: &Options,
 ) -> anyhow::Result<Outcome> {
+    if windows.coarse {
+        let text = "--coarse needs the frame: -f FILE";
+        return Err(Fault::Usage(text.to_owned()).into());
+    }
     let mut extractor = settings.extractor(method, windows.size())?;
     if let Some(path) = &windows.predict {
         extractor.expect(&predicted(path, options)?);

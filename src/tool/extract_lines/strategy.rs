@@ -31,6 +31,10 @@ pub(super) struct WindowArgs {
     /// Width of the transform's cells [default: 0.1]
     #[arg(long, value_name = "DEG", value_parser = positive)]
     cell_deg: Option<f64>,
+    /// Stop after the transform, whose best cells are the lines: no edges, y and z to a cell's height
+    /// (Kurniawan 2017, Fig. 5.14); with a frame
+    #[arg(long)]
+    pub(super) coarse: bool,
 }
 
 impl WindowArgs {
@@ -42,6 +46,7 @@ impl WindowArgs {
             (self.window_turn_deg_s.is_some(), "--window-turn-deg-s"),
             (self.cell_mm.is_some(), "--cell-mm"),
             (self.cell_deg.is_some(), "--cell-deg"),
+            (self.coarse, "--coarse"),
         ];
         options
             .iter()
@@ -77,6 +82,7 @@ pub(super) fn run(
     };
     let settings = StrategyOptions {
         window: windows.size(),
+        coarse: windows.coarse,
         ..StrategyOptions::default()
     };
     let settings = if dissertation {
@@ -93,7 +99,8 @@ pub(super) fn run(
     }
     let mut stage = ThreeLines {
         strategy,
-        edges: (!dissertation).then(|| EdgeMeter::new(&frame)),
+        edges: (!dissertation && !windows.coarse).then(|| EdgeMeter::new(&frame)),
+        coarse: windows.coarse,
         lines: ReflectorLines::default(),
         without: 0,
         scans: 0,
@@ -131,6 +138,8 @@ struct ThreeLines {
     strategy: Strategy,
     /// Measures the edges; none where the strategy does it itself.
     edges: Option<EdgeMeter>,
+    /// Whether there are none.
+    coarse: bool,
     lines: ReflectorLines,
     scans: u64,
     without: u64,
@@ -146,6 +155,7 @@ impl Stage for ThreeLines {
         if self.strategy.find_lines(scan, &mut self.lines) {
             match &mut self.edges {
                 Some(edges) => edges.measure(scan, &mut self.lines),
+                None if self.coarse => {}
                 None => {
                     self.strategy.find_strips(&mut self.lines);
                     self.strategy.date_edges(scan, &mut self.lines);

@@ -1,9 +1,9 @@
 //! `report diff`: where two files of records differ.
 
-use super::outputs;
 use crate::report::diff::{Comparison, DiffError, Pattern, Rules, Tolerance, table, tree};
 use crate::stream::{
-    Bytes, Encoding, Fault, Input, Kind, KindVisitor, Options, Outcome, StreamRecord, topics,
+    Bytes, Encoding, Fault, Input, Kind, KindVisitor, Options, Outcome, StreamRecord, WholeFile,
+    topics,
 };
 use crate::tool::common::CommonArgs;
 use std::io::Read;
@@ -92,7 +92,7 @@ pub(super) fn run(args: &DiffArgs) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     if !options.quiet {
-        outputs::print(&text, args.common.output.as_deref())?;
+        WholeFile::open(args.common.output.as_deref())?.finish(&text)?;
     }
     Ok(Outcome::GateFailed)
 }

@@ -4,7 +4,7 @@ use super::inputs;
 use super::outputs;
 use crate::report::lines::{Matching, Score, json, score, table};
 use crate::report::{Gate, GateError, origin};
-use crate::stream::{Fault, Outcome};
+use crate::stream::{Fault, Outcome, WholeFile};
 use crate::tool::common::CommonArgs;
 use std::path::PathBuf;
 
@@ -115,6 +115,7 @@ impl LineArgs {
 /// Runs the subcommand.
 pub(super) fn run(args: &LineArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let sources = origin::sources(&args.segments);
     let (truth, runs) = inputs::read_segments(&args.truth, &sources, &options)?;
     let matching = args.matching();
@@ -132,7 +133,7 @@ pub(super) fn run(args: &LineArgs) -> anyhow::Result<Outcome> {
     } else {
         table(&name, &scores, &matching, args.ascii || !outputs::is_utf8())
     };
-    outputs::print(&text, args.common.output.as_deref())?;
+    output.finish(&text)?;
     outcome(args, &scores)
 }
 

@@ -10,6 +10,7 @@ mod lines;
 mod outputs;
 mod pictures;
 mod poses;
+mod robot;
 
 use crate::stream::Outcome;
 
@@ -47,6 +48,8 @@ pub enum Subject {
     Diff(diff::DiffArgs),
     /// Writes records in another encoding, several files into one, one into several
     Convert(convert::ConvertArgs),
+    /// Finds where a robot's pulleys are, from poses measured where it stood
+    Robot(robot::RobotArgs),
 }
 
 /// Runs the tool.
@@ -59,5 +62,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Subject::Lines(args)) => lines::run(&args),
         Some(Subject::Diff(args)) => diff::run(&args),
         Some(Subject::Convert(args)) => convert::run(&args),
+        Some(Subject::Robot(args)) => robot::run(&args),
     }
 }

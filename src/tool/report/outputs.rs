@@ -1,10 +1,7 @@
-//! report's outputs: a file gets its name when it is whole; what is no file is written in place.
+//! report's outputs: which characters they may have, and that no two go to one place.
 
 use crate::stream::Fault;
-use anyhow::Context;
-use std::ffi::OsString;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Symbolic links followed from one name to a file; as many as Linux follows.
@@ -24,44 +21,11 @@ pub(super) fn refuse_one_place(page: Option<&Path>, table: Option<&Path>) -> Res
     )))
 }
 
-/// Prints a text, or writes it to the file of `-o`.
-pub(super) fn print(text: &str, output: Option<&Path>) -> anyhow::Result<()> {
-    match output.filter(|path| *path != Path::new("-")) {
-        Some(path) => write(path, text),
-        None => {
-            let mut out = std::io::stdout().lock();
-            out.write_all(text.as_bytes())?;
-            Ok(out.flush()?)
-        }
-    }
-}
-
 /// Whether the locale is one of UTF-8.
 pub(super) fn is_utf8() -> bool {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.is_empty());
     let locale = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().find_map(set);
     locale.is_some_and(|l| l.to_uppercase().replace('-', "").contains("UTF8"))
-}
-
-/// Writes a file under a temporary name and renames it when it is whole. What is there already and
-/// is no regular file (a FIFO, a device) is written in place; of a symbolic link, the file that it
-/// leads to is written.
-pub(super) fn write(path: &Path, text: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    let bytes = text.as_ref();
-    let name = || path.display().to_string();
-    if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-        let mut file = fs::OpenOptions::new()
-            .write(true)
-            .open(path)
-            .with_context(name)?;
-        return file.write_all(bytes).with_context(name);
-    }
-    let target = linked(path);
-    let mut partial = OsString::from(&target);
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
-    fs::write(&partial, bytes).with_context(name)?;
-    fs::rename(&partial, target).with_context(name)
 }
 
 /// Where a chain of symbolic links leads, whether there is a file yet or not.

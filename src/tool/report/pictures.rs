@@ -1,8 +1,7 @@
 //! The figures of a report as files, one each.
 
-use super::outputs;
 use crate::report::{Figure, MapStyle};
-use crate::stream::Fault;
+use crate::stream::{Fault, WholeFile};
 use anyhow::Context;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -61,7 +60,7 @@ fn into(
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     for figure in figures {
         let path = folder.join(format!("{}.{ending}", figure.name));
-        outputs::write(&path, bytes(figure)?)?;
+        WholeFile::open(Some(&path))?.finish(bytes(figure)?)?;
     }
     Ok(())
 }

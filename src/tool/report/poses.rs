@@ -9,7 +9,7 @@ use crate::report::{
     Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, merge,
     origin, page, terminal,
 };
-use crate::stream::{Fault, Options, Outcome, Role};
+use crate::stream::{Fault, Options, Outcome, Role, WholeFile};
 use crate::tool::common::{CommonArgs, parse_duration};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -130,15 +130,22 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     let table = args.common.output.as_deref();
     let table = table.filter(|path| *path != Path::new("-"));
     outputs::refuse_one_place(args.html.as_deref(), table)?;
+    if table.is_none() && args.html.as_deref() == Some(Path::new("-")) {
+        let why = "--html -: the table goes to stdout too; give it a file with -o";
+        return Err(Fault::Usage(why.to_owned()).into());
+    }
+    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
+    let html = html.transpose()?;
+    let table = WholeFile::open(table)?;
     let report = make(args, &options)?;
-    if let Some(path) = &args.html {
-        outputs::write(path, &page::write(&report, args.maps))?;
+    if let Some(html) = html {
+        html.finish(page::write(&report, args.maps))?;
     }
     if args.pictures.wanted() {
         args.pictures.write(&page::figures(&report, args.maps))?;
     }
     let text = args.forms.text(&report, style(args), &options)?;
-    outputs::print(&text, table)?;
+    table.finish(&text)?;
     Ok(outcome(&report))
 }
 

@@ -7,10 +7,10 @@ use crate::sick::angle_jitter::{AngleJitter, Learner, MOST_SCANS};
 use crate::sick::cola::{Event, Framer};
 use crate::sick::replay::{Replay, Settings};
 use crate::sick::scandata::{self, LmdScandata};
-use crate::stream::{Fault, Outcome};
+use crate::stream::{Fault, Outcome, WholeFile};
 use anyhow::Context;
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 
 /// Bytes read at a time.
@@ -27,6 +27,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<AngleJitter> {
 
 /// Learns a model from recordings and writes it.
 pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> {
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let mut learner = Learner::default();
     let mut replay = Replay::new(settings);
     let mut telegram = LmdScandata::default();
@@ -66,11 +67,7 @@ pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> 
         .learn()
         .map_err(|error| Fault::BadData(format!("no angle jitter learned: {error}")))?;
     let text = model.to_toml();
-    match &args.common.output {
-        Some(path) if path != Path::new("-") => std::fs::write(path, text)
-            .map_err(|error| Fault::Io(format!("{}: {}", path.display(), plain(&error))))?,
-        _ => std::io::stdout().lock().write_all(text.as_bytes())?,
-    }
+    output.finish(&text)?;
     if !args.common.quiet {
         eprintln!(
             "{NAME}: {} scans: {:.4} deg of angle jitter, of which {:.4} deg stay (noise {:.4} deg)",

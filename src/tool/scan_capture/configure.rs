@@ -168,7 +168,7 @@ impl Plan {
         let requests = self.wanted.requests(&Present::default(), self.hash);
         for request in requests {
             if request.name() == "SetAccessMode" {
-                writeln!(out, "sMN SetAccessMode 03 (hash of the password)")?;
+                writeln!(out, "{request}")?;
                 continue;
             }
             let mut bytes = Vec::new();

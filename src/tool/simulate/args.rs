@@ -3,6 +3,7 @@
 use super::dilution::DilutionArgs;
 use super::jobs::JobArgs;
 use super::office::{self, SceneArgs};
+use super::robot::{self, RobotArgs};
 use super::serve_args::{self, IMU_OPTIONS, ImuArgs, ServeArgs};
 use crate::frame::Frame;
 use crate::motion::{Limits, Motion, Pose, Quintic, SCurve, Sampled, Shuttle, Straight, Wobble};
@@ -61,6 +62,9 @@ EXAMPLES
   Into the chain, with the IMU as a side stream:
     mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
       | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
+  A robot on two loops whose upper pulleys are not where its controller believes them to be:
+    simulate -f frame.toml --trajectory loop --robot robot.toml --robot-real real.toml --loops 2 \
+      --truth truth.csv --desired desired.csv > scans.csv
   An office and its true lines, for extract-lines and report lines:
     simulate --scene office --view lms500 --n-scans 20 --truth true.csv > office.csv
   The scanner itself for one second, at a port that is free:
@@ -103,6 +107,8 @@ pub struct Args {
     sizes: SizeArgs,
     #[command(flatten)]
     pub(super) course: CourseArgs,
+    #[command(flatten)]
+    robot: RobotArgs,
     /// Scanner model, in place of the frame file's
     #[arg(long, value_name = "NAME")]
     pub(super) model: Option<String>,
@@ -290,7 +296,9 @@ const COURSE_OPTIONS: [(&str, &[&str]); 16] = [
 const MOVING_OPTIONS: [&str; 2] = ["wobble_hz", "lag"];
 
 /// Options of a simulation that a recording has no use for, beside the trajectory's.
-const SIMULATION_OPTIONS: [&str; 18] = [
+const SIMULATION_OPTIONS: [&str; 20] = [
+    "robot",
+    "robot_real",
     "trajectory",
     "effects",
     "effects_file",
@@ -387,7 +395,10 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
         None => START_NS,
     };
     Ok(Setup {
-        course: course(&args.course, args.n_scans, Seed(args.seed), options)?,
+        course: robot::through(
+            &args.robot,
+            course(&args.course, args.n_scans, Seed(args.seed), options)?,
+        )?,
         frame,
         model,
         mode,

@@ -8,7 +8,7 @@ use crate::record::text::push_f64;
 use crate::report::{AXES, Cells, Layout, dilution};
 use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
-use crate::stream::{Fault, Outcome, Stop};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use std::io::Write;
 
 /// The command line's part.
@@ -88,6 +88,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     );
     let stop = Stop::install()?;
     let mut out = dilution_output(options.output.as_deref())?;
+    let html = args.dilution.dilution_html.as_deref();
+    let html = html.map(|path| WholeFile::open(Some(path))).transpose()?;
     let mut text = Vec::new();
     let names = AXES.iter().take(6).map(|axis| match axis.unit {
         "mm" => format!("{}_sigma_m", axis.name),
@@ -134,11 +136,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     if !options.quiet {
         eprint!("{}", summary(&all, &worst, &assumed));
     }
-    if let (Some(path), Some(cells)) = (&args.dilution.dilution_html, &cells) {
+    if let (Some(html), Some(cells)) = (html, &cells) {
         let title = format!("What one scan can tell in {}", frame.name);
         let page = dilution::page(&title, &conditions(&assumed), cells);
-        std::fs::write(path, page)
-            .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))?;
+        html.finish(&page)?;
     }
     Ok(Outcome::Done)
 }

@@ -4,12 +4,13 @@ use crate::frame::{Frame, edit};
 use crate::pose::alignment::{self, Aligner, Alignment, Observation};
 use crate::pose::pitch::{Attitude, Pitch};
 use crate::record::{Face, Pose};
-use anyhow::Context;
-use std::path::{Path, PathBuf};
+use crate::stream::WholeFile;
+use std::path::PathBuf;
 
 /// The search for the IMU's mounting.
 pub(super) struct Align {
     path: PathBuf,
+    file: WholeFile,
     /// The frame file's text.
     text: String,
     x_constant: bool,
@@ -25,14 +26,23 @@ const NARROW_RAD: f64 = 0.05 * std::f64::consts::PI / 180.0;
 
 impl Align {
     /// To be written to `path`, the frame file's `text` with the mounting found.
-    pub(super) fn new(path: PathBuf, text: String, x_constant: bool, quiet: bool) -> Align {
-        Align {
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(super) fn new(
+        path: PathBuf,
+        text: String,
+        x_constant: bool,
+        quiet: bool,
+    ) -> anyhow::Result<Align> {
+        Ok(Align {
+            file: WholeFile::open(Some(&path))?,
             path,
             text,
             x_constant,
             aligner: Aligner::default(),
             quiet,
-        }
+        })
     }
 
     /// Takes one scan: its pose, the IMU's attitude, and a way to solve it again with another prior
@@ -78,7 +88,7 @@ impl Align {
     }
 
     /// Writes the frame file with the mounting found; false where there is none, and says so.
-    pub(super) fn write(&self, frame: &Frame) -> anyhow::Result<bool> {
+    pub(super) fn write(self, frame: &Frame) -> anyhow::Result<bool> {
         let found = match self.aligner.solve(frame) {
             Ok(found) => found,
             Err(error) => {
@@ -90,8 +100,7 @@ impl Align {
         let value = format!("[{roll:.4}, {pitch:.4}, {yaw:.4}]");
         let found = found_in_words(&found);
         let text = edit::set(&self.text, "imu", "rotation_deg", &value, Some(&found))?;
-        write_whole(&self.path, &text)
-            .with_context(|| format!("{}: cannot be written", self.path.display()))?;
+        self.file.finish(&text)?;
         if !self.quiet {
             let path = self.path.display();
             eprintln!(
@@ -113,12 +122,4 @@ fn found_in_words(found: &Alignment) -> String {
         None => "not shown by this run".to_owned(),
     };
     format!("roll {roll}, pitch {pitch}, from {} scans", found.scans)
-}
-
-/// Writes a file that is there whole or not at all.
-pub(super) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    std::fs::write(&partial, text)?;
-    std::fs::rename(&partial, path)
 }

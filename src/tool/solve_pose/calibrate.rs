@@ -1,18 +1,18 @@
 //! solve-pose --calibrate: what the whole run tells of the frame and the devices, as a frame file.
 
-use super::align::write_whole;
 use super::arguments::{Args, Method, Turn};
 use crate::frame::{Frame, edit};
 use crate::pose::calibration::{Calibration, Calibrator, Entry, Settings, Survey, Turned};
 use crate::pose::pitch::{Attitude, Pitch};
 use crate::record::{Pose, ReflectorLines};
-use crate::stream::Fault;
+use crate::stream::{Fault, WholeFile};
 use anyhow::Context;
 use std::path::PathBuf;
 
 /// The calibration that is asked for.
 pub(super) struct Calibrate {
     path: PathBuf,
+    file: WholeFile,
     /// The frame file's text.
     text: String,
     settings: Settings,
@@ -51,6 +51,7 @@ impl Calibrate {
         };
         let x_sigma_m = asked.calibrate_x_sigma_mm * 1e-3;
         Ok(Some(Calibrate {
+            file: WholeFile::open(Some(&path))?,
             path,
             text: text.to_owned(),
             settings: Settings {
@@ -83,7 +84,7 @@ impl Calibrate {
     }
 
     /// Writes the frame file with what was found; false where nothing was, and says so.
-    pub(super) fn write(&self, frame: &Frame) -> anyhow::Result<bool> {
+    pub(super) fn write(self, frame: &Frame) -> anyhow::Result<bool> {
         let without_imu = if self.imu_seen {
             Turned::Imu
         } else {
@@ -103,8 +104,7 @@ impl Calibrate {
         let text = edited(&self.text, frame, &found, settings.turned)?;
         // What is written must be a frame file: strips that now overlap would not be one.
         Frame::parse(&text, &self.path).context("the calibrated frame is not possible")?;
-        write_whole(&self.path, &text)
-            .with_context(|| format!("{}: cannot be written", self.path.display()))?;
+        self.file.finish(&text)?;
         if !self.quiet {
             eprint!("{}", table(&found));
             eprintln!("solve-pose: {} has what the run shows", self.path.display());

@@ -37,7 +37,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let align = args
         .align
         .align_imu
-        .map(|path| Align::new(path, text, x_constant, options.quiet));
+        .map(|path| Align::new(path, text, x_constant, options.quiet))
+        .transpose()?;
     let mut stage = Solve {
         joint: Estimator::new(&frame, joint::Options::default()),
         many: ManyScans::new(&args.filter, &frame),
@@ -143,11 +144,11 @@ impl Stage for Solve {
                 self.unsolved
             );
         }
-        let aligned = match &self.align {
+        let aligned = match self.align.take() {
             Some(align) => align.write(&self.frame)?,
             None => true,
         };
-        let calibrated = match &self.calibrate {
+        let calibrated = match self.calibrate.take() {
             Some(calibrate) => calibrate.write(&self.frame)?,
             None => true,
         };

@@ -1,11 +1,11 @@
 //! timesync delay: how late a measurement is.
 
-use super::{TOOL, text};
+use super::TOOL;
 use crate::clock::delay::{self, DelayFit, DelaySettings, Measured, Part, correlation};
 use crate::link::HostInstant;
 use crate::motion::{Motion, Sampled};
 use crate::record::{DelayPoint, Pose, Stamp, TrajectoryPoint};
-use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role};
+use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role, WholeFile};
 use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -118,6 +118,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     if args.adjust.is_some() && args.method != How::Dissertation {
         return Err(Fault::Usage("--adjust goes with --method dissertation".into()).into());
     }
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let (motion, start) = desired(args, &options)?;
     let (measured, total_s) = measured(args, &options, start)?;
     let settings = DelaySettings {
@@ -143,7 +144,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         true => serde_json::to_string_pretty(&report)? + "\n",
         false => words(&report),
     };
-    text::write(args.common.output.as_deref(), &text)?;
+    output.finish(&text)?;
     Ok(Outcome::Done)
 }
 

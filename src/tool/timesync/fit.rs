@@ -1,12 +1,12 @@
 //! timesync fit: offset and drift from a log of exchanges.
 
 use super::text::{seconds, sigma};
-use super::{Estimator, TOOL, text};
+use super::{Estimator, TOOL};
 use crate::clock::{
     ClockEvent, ClockFit, Exchange, FitError, FitSettings, Log, Session, Verdict, Wire, fit,
 };
 use crate::record::ClockExchange;
-use crate::stream::{self, Fault, Outcome};
+use crate::stream::{self, Fault, Outcome, WholeFile};
 use crate::tool::common::{CommonArgs, parse_signed_duration};
 use serde::Serialize;
 use std::fmt::Write;
@@ -117,6 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
             Fault::Usage("fit writes text, or --json: --format does not fit".into()).into(),
         );
     }
+    let output = WholeFile::open(args.common.output.as_deref())?;
     let records: Vec<ClockExchange> = stream::read_all(args.input.as_deref(), &options)?;
     let log = Log::of(&records, args.how.wire());
     if args.how.wire.is_some() && records.iter().all(|r| r.reply_bytes.is_none()) {
@@ -130,7 +131,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         true => json(&log, &fits)?,
         false => words(&log, &fits),
     };
-    text::write(args.common.output.as_deref(), &text)?;
+    output.finish(&text)?;
     Ok(Outcome::Done)
 }
 

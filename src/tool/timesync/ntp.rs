@@ -1,11 +1,10 @@
 //! timesync ntp: a scanner as client of a time server.
 
 use super::live::{self, DeviceArgs, LoginArgs, fault};
-use super::text;
 use crate::sick::client::commands::{self, UserLevel};
 use crate::sick::client::{Client, Request, Value, Values};
 use crate::sick::scandata::FieldError;
-use crate::stream::{Fault, Outcome, Stop};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use crate::tool::common::parse_duration;
 use serde::Serialize;
 use std::net::Ipv4Addr;
@@ -94,7 +93,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         true => serde_json::to_string_pretty(&state)? + "\n",
         false => words(&state),
     };
-    text::write(None, &text)?;
+    WholeFile::open(None)?.finish(&text)?;
     Ok(Outcome::Done)
 }
 

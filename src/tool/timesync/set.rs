@@ -1,14 +1,14 @@
 //! timesync set: a scanner's calendar clock is set to the host's.
 
+use super::TOOL;
 use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, at_utc_ns, fault};
-use super::{TOOL, text};
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::link::HostInstant;
 use crate::record::Stamp;
 use crate::sick::client::commands::{ScanContents, UserLevel};
 use crate::sick::client::{Client, ClientError};
 use crate::sick::scandata::Calendar;
-use crate::stream::{Fault, Outcome, Stop};
+use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use crate::tool::common::parse_duration;
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         true => serde_json::to_string_pretty(&report)? + "\n",
         false => words(&report),
     };
-    text::write(None, &text)?;
+    WholeFile::open(None)?.finish(&text)?;
     Ok(Outcome::Done)
 }
 

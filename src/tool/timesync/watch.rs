@@ -3,10 +3,10 @@
 use super::TOOL;
 use super::fit::FitArgs;
 use super::live::{self, DeviceArgs, PaceArgs, Poller};
-use super::text::{self, seconds};
+use super::text::seconds;
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::record::ClockExchange;
-use crate::stream::{Encoding, Options, Outcome, Output, Stop};
+use crate::stream::{Encoding, Options, Outcome, Output, Stop, WholeFile};
 use crate::tool::common::parse_duration;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -97,7 +97,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
                     true => serde_json::to_string(&line)? + "\n",
                     false => words(&line),
                 };
-                text::write(None, &text)?;
+                WholeFile::open(None)?.finish(&text)?;
                 lines += 1;
             }
             if let Some(records) = &mut records {
