@@ -121,10 +121,18 @@ interop:
 	$(INTEROP)/venv/bin/pip install --quiet --disable-pip-version-check -r interop/requirements.txt
 	BIN=$(TARGET)/debug PYTHON=$(INTEROP)/venv/bin/python OUT=$(INTEROP) FRAME=$(FRAME) interop/run
 
-## experiments: the run matrix of experiments/Makefile
+## experiments: the dissertation's figures and tables redone, and beyond; -j uses all cores (summary.md in target/experiments)
 .PHONY: experiments
 experiments: build
 	$(MAKE) -C experiments BIN=$(abspath $(TARGET))/release OUT=$(abspath $(TARGET))/experiments
+
+# The rows of the README's first table, of those that `make experiments` leaves.
+HEADLINE := fig-5-5 fig-5-6 fig-5-7 fig-5-8 fig-5-10 fig-5-13 table-4-4 ablation
+
+## headline: puts the experiments' figures into the README
+.PHONY: headline
+headline:
+	@$(PYTHON) experiments/headline.py README.md $(TARGET)/experiments $(HEADLINE)
 
 ## accuracy: prints the figures of the table in the README (under a minute; an error where one is worse than promised)
 .PHONY: accuracy

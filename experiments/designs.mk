@@ -3,8 +3,14 @@
 # which yaw the walls' reflectors are hit (Kurniawan 2017, eq. 3.104), formula beside scans.
 
 .PHONY: strip-designs
-strip-designs:
-	@$(PYTHON) designs.py $(FRAME) $(abspath $(OUT))/designs
+EXPERIMENTS += strip-designs
+strip-designs: $(OUT)/designs/table.txt
+	@cat $<
+
+$(OUT)/designs/table.txt: $(FRAME) designs.py
+	@mkdir -p $(@D)
+	$(PYTHON) designs.py $(FRAME) $(abspath $(@D)) > $@.partial || { cat $@.partial; exit 4; }
+	mv $@.partial $@
 
 .PHONY: yaw-range
 yaw-range:

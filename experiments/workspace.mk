@@ -95,8 +95,8 @@ $(WORKSPACE)/report.txt: $(WORKSPACE_FILES) $(OUT)/bound.json row.py
 	report -q $(WORKSPACE_TRUTH) --html $(@D)/report.html --cell-m 0.1 \
 		--title 'The workspace, a scan every $(WORKSPACE_STEP) m' $(WORKSPACE_MERGE) > $@
 	report -q $(WORKSPACE_TRUTH) --json $(WORKSPACE_MERGE) > $(@D)/report.json
-	for zone in 'low=$(ZONE_low)' 'left=$(ZONE_left)' 'right=$(ZONE_right)'; do
-		report -q $(WORKSPACE_TRUTH) --json --zone "$$zone" $(WORKSPACE_MERGE) > $(@D)/$${zone%%=*}.json
+	for zone in 'low=$(ZONE_low)' 'left=$(ZONE_left)' 'right=$(ZONE_right)'; do \
+		report -q $(WORKSPACE_TRUTH) --json --zone "$$zone" $(WORKSPACE_MERGE) > $(@D)/$${zone%%=*}.json; \
 	done
 	$(PYTHON) row.py $(OUT) fig-5-6 'y, z: "almost zero"' \
 		'y max $(call of,published,y.max_mm,2), z max $(call of,published,z.max_mm,2) mm' \

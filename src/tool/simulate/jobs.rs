@@ -12,7 +12,8 @@ const BATCH: usize = 16;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Running")]
 pub(super) struct JobArgs {
-    /// Make so many scans side by side; the bytes are the same for any number [default: one a core]
+    /// Make so many scans side by side; the records are the same for any number, to the byte
+    /// [default: one a core]
     #[arg(long, value_name = "N", conflicts_with_all = ["serving", "replay", "dilution", "scene", "imu_pty"])]
     jobs: Option<NonZeroUsize>,
     /// Make only the I-th of N equal parts of the run, the same bytes as in the whole run (without
