@@ -13,7 +13,7 @@
 //! those in the numbers of its records.
 //!
 //! Push: the same scans through scan-capture, extract-lines, solve-pose and ads-push to an emulated
-//! PLC, until the write is acknowledged.
+//! PLC, until the write is acknowledged; then with compensate-delay before ads-push.
 //!
 //! Arguments: `latency`, `loss` or `push` for one of them, a number for the scans of each latency.
 

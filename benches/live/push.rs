@@ -1,4 +1,5 @@
-//! From a telegram's last byte to the acknowledged write, through four processes.
+//! From a telegram's last byte to the acknowledged write, through four processes, and through five
+//! with compensate-delay.
 
 use crate::latency::line;
 use crate::relay::{Pieces, Relay};
@@ -18,25 +19,30 @@ const FRAME: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cablar.toml")
 
 /// Measures and prints; an error only where the measurement fails.
 pub fn table(scans: u64) -> Result<(), Failure> {
-    println!(
-        "last byte of a scan to acknowledged write, four processes, 761 beams at 100 Hz, {scans} scans, us"
-    );
+    println!("last byte of a scan to acknowledged write, 761 beams at 100 Hz, {scans} scans, us");
     println!("{:<44} {:>8} {:>8} {:>8}", "", "p50", "p99", "max");
     let recording = Recording::at_100_hz(500)?;
-    for format in ["csv", "mcap"] {
-        let mut spans = pushed(&recording, scans + FIRST as u64, format)?;
-        line(
-            &format!("through {format}"),
-            &mut spans,
-            Some((GOAL_P50_US, GOAL_P99_US)),
-        );
+    for (processes, delay) in [("four", ""), ("five", "--delay 10ms")] {
+        for format in ["csv", "mcap"] {
+            let mut spans = pushed(&recording, scans + FIRST as u64, format, delay)?;
+            line(
+                &format!("{processes} processes, {format}"),
+                &mut spans,
+                Some((GOAL_P50_US, GOAL_P99_US)),
+            );
+        }
     }
     println!("{:<44} {GOAL_P50_US:>8.0} {GOAL_P99_US:>8.0}", "goal");
     Ok(())
 }
 
-/// How long each scan took, ns.
-fn pushed(recording: &Recording, scans: u64, format: &str) -> Result<Vec<i64>, Failure> {
+/// How long each scan took, ns; `delay` are compensate-delay's options, and none leave it out.
+fn pushed(
+    recording: &Recording,
+    scans: u64,
+    format: &str,
+    delay: &str,
+) -> Result<Vec<i64>, Failure> {
     let plc = SharedPlc::new(Plc::with_sick_value());
     let address = ([127, 0, 0, 1], 0).into();
     let service = Service::start(&plc, address, Conditions::default()).map_err(during("PLC"))?;
@@ -44,10 +50,14 @@ fn pushed(recording: &Recording, scans: u64, format: &str) -> Result<Vec<i64>, F
     let relay = Relay::start(&scanner.address, Pieces::Telegrams)?;
     let bin = Path::new(env!("CARGO_BIN_EXE_ads-push"));
     let bin = bin.parent().ok_or("no programs")?.display();
+    let compensate = match delay {
+        "" => String::new(),
+        delay => format!("| {bin}/compensate-delay -q {delay}"),
+    };
     let chain = format!(
         "set -o pipefail; {bin}/scan-capture -q {} -n {scans} --format {format} \
          | {bin}/extract-lines -q -f {FRAME} | {bin}/solve-pose -q -f {FRAME} --pitch-deg 0 \
-         | {bin}/ads-push -q {} MAIN.SickValue --stamp-push --format csv",
+         {compensate} | {bin}/ads-push -q {} MAIN.SickValue --stamp-push --format csv",
         relay.address,
         service.target(&plc)
     );

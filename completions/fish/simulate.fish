@@ -40,7 +40,7 @@ complete -c simulate -l desired -d 'Write the desired trajectory at the same ins
 complete -c simulate -l imu -d 'Write the IMU samples' -r -F
 complete -c simulate -l imu-rate-hz -d 'IMU samples a second [default: one at each scan\'s reference instant]' -r
 complete -c simulate -l imu-axes -d 'Axes of the IMU samples: platform, or ned as the device sends them' -r
-complete -c simulate -l jobs -d 'Make so many scans side by side; the bytes are the same for any number [default: one a core]' -r
+complete -c simulate -l jobs -d 'Make so many scans side by side; the records are the same for any number, to the byte [default: one a core]' -r
 complete -c simulate -l shard -d 'Make only the I-th of N equal parts of the run, the same bytes as in the whole run (without its header); counted from 1' -r
 complete -c simulate -l dilution-pitch-sigma-deg -d 'Standard deviation of the pitch before the scan; 0 is known' -r
 complete -c simulate -l dilution-poses -d 'Poses a cell' -r

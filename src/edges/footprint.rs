@@ -7,6 +7,7 @@ use std::f64::consts::FRAC_1_PI;
 
 /// Share of a unit disc on the inner side of a line at distance `q` from its centre, and its
 /// derivative: 1/2 + (q sqrt(1 - q^2) + asin q)/pi.
+#[inline]
 pub(super) fn share(q: f64) -> (f64, f64) {
     if q >= 1.0 {
         (1.0, 0.0)
@@ -94,7 +95,7 @@ impl Slant {
         });
         let (sin, cos) = (0.5 * (edge.from_rad + edge.to_rad)).sin_cos();
         let aside = cos * e[2] - sin * e[1];
-        let across = e[0].abs() / e[0].hypot(aside);
+        let across = e[0].abs() / (e[0] * e[0] + aside * aside).sqrt();
         let (y, z, d_m) = components(&lines.lines()[edge.face as usize].normal);
         let range_m = d_m / (cos * y + sin * z);
         Slant {

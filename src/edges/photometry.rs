@@ -141,18 +141,95 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a beam that tells of the parameters from `FROM` on.
-    fn add<const FROM: usize>(&mut self, weight: f64, residual: f64, prediction: &Prediction) {
+    /// Adds a beam.
+    fn add(&mut self, weight: f64, residual: f64, prediction: &Prediction) {
         let row = &prediction.row;
-        for i in FROM..N {
-            let w = weight * row[i];
-            for j in i..N {
-                self.normal[(i, j)] += w * row[j];
+        for (i, own) in row.iter().enumerate() {
+            let w = weight * own;
+            for (j, other) in row.iter().enumerate().skip(i) {
+                self.normal[(i, j)] += w * other;
             }
             self.gradient[i] += w * residual;
             self.footprint[i] += w * prediction.d_footprint;
         }
     }
+
+    /// Adds what the beams tell that lie on one surface alone.
+    fn add_level(&mut self, level: usize, sums: &LevelSums) {
+        self.normal[(level, level)] += sums.level2;
+        self.normal[(level, EXPONENT)] += sums.level_exponent;
+        self.normal[(EXPONENT, EXPONENT)] += sums.exponent2;
+        self.gradient[level] += sums.level_residual;
+        self.gradient[EXPONENT] += sums.exponent_residual;
+    }
+}
+
+/// Sums over the beams that lie on one surface alone, which are most of them: each tells of that
+/// surface's level and of p, and of nothing else.
+#[derive(Clone, Copy, Default)]
+struct LevelSums {
+    level2: f64,
+    level_exponent: f64,
+    exponent2: f64,
+    level_residual: f64,
+    exponent_residual: f64,
+    /// Weighted squares of the relative residuals, and their number.
+    scatter: (f64, f64),
+}
+
+impl LevelSums {
+    /// Adds a beam on a surface of remission `level`.
+    fn add(&mut self, sample: &Sample, level: f64, exponent: f64, noise: f64) {
+        let by_level = small_exp(exponent * sample.ln_cos);
+        let value = by_level * level;
+        let (value2, rounding2) = (value * value, sample.rounding * sample.rounding);
+        let residual = sample.value - value;
+        let residual2 = residual * residual;
+        let information = 1.0 / (noise * noise * value2 + rounding2);
+        let square = residual2 * information;
+        let weight = huber(square);
+        if weight == 0.0 || !square.is_finite() {
+            return;
+        }
+        // What rounding adds is taken off, so that the rest is the noise.
+        self.scatter.0 += weight * (residual2 - rounding2) / value2;
+        self.scatter.1 += 1.0;
+        let by_exponent = value * sample.ln_cos;
+        let w = weight * information;
+        let (w_level, w_exponent) = (w * by_level, w * by_exponent);
+        self.level2 += w_level * by_level;
+        self.level_exponent += w_level * by_exponent;
+        self.exponent2 += w_exponent * by_exponent;
+        self.level_residual += w_level * residual;
+        self.exponent_residual += w_exponent * residual;
+    }
+}
+
+/// The weight of a residual by its square in units of its variance.
+fn huber(square: f64) -> f64 {
+    if square > CUT * CUT {
+        0.0
+    } else if square > HUBER * HUBER {
+        HUBER / square.sqrt()
+    } else {
+        1.0
+    }
+}
+
+/// The level of the surface that a beam's whole spot lies on, [`STRIP`] or [`BEHIND`]; none where an
+/// edge may cut it.
+fn surface(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2]) -> Option<usize> {
+    let inwards_rad = [sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad];
+    let inside = |k: usize| {
+        if there[k] {
+            inwards_rad[k] * sample.spots_per_rad
+        } else {
+            f64::INFINITY
+        }
+    };
+    let (less, more) = (inside(0).min(inside(1)), inside(0).max(inside(1)));
+    let alone = sample.light == Light::Whole && less.abs() >= 1.0 && more >= 1.0;
+    alone.then_some(if less > 0.0 { STRIP } else { BEHIND })
 }
 
 /// e^x, for the small powers of a cosine that occur within a window.
@@ -160,9 +237,10 @@ fn small_exp(x: f64) -> f64 {
     if x.abs() > 0.25 {
         return x.exp();
     }
-    // Factors in place of divisors, which each would have to wait for.
+    // The series to x^6 in pairs of terms, which need not wait for each other.
     const C: [f64; 5] = [1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0];
-    1.0 + x * (1.0 + x * (C[0] + x * (C[1] + x * (C[2] + x * (C[3] + x * C[4])))))
+    let x2 = x * x;
+    (1.0 + x) + x2 * ((C[0] + C[1] * x) + x2 * ((C[2] + C[3] * x) + C[4] * x2))
 }
 
 fn predict(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2], noise: [f64; 2]) -> Prediction {
@@ -251,20 +329,20 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         scatter = [(0.0, 0.0); 2];
         near_sum = [0.0; 2];
         near = [0; 2];
+        let mut levels = [LevelSums::default(); 2];
         for sample in samples {
+            if let Some(level) = surface(&p, sample, there) {
+                let sums = &mut levels[level - STRIP];
+                sums.add(sample, p[level], p[EXPONENT], start.noise[0]);
+                continue;
+            }
             let prediction = predict(&p, sample, there, start.noise);
             let residual = sample.value - prediction.value;
             let information = 1.0 / prediction.variance;
             let square = residual * residual * information;
             let cut = prediction.cuts[0] || prediction.cuts[1];
-            let mut weight = 1.0;
-            if square > HUBER * HUBER && !(cut && iteration < LENIENT) {
-                weight = if square > CUT * CUT {
-                    0.0
-                } else {
-                    HUBER / square.sqrt()
-                };
-            }
+            let lenient = cut && iteration < LENIENT;
+            let weight = if lenient { 1.0 } else { huber(square) };
             for k in 0..2 {
                 if prediction.cuts[k] {
                     near[k] += 1;
@@ -276,17 +354,15 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             }
             let of = usize::from(sample.light == Light::Ratio);
             let relative = if of == 1 { 1.0 } else { prediction.value };
-            // What rounding adds is taken off, so that the rest is the noise.
             let noise = residual * residual - sample.rounding * sample.rounding;
             scatter[of].0 += weight * noise / (relative * relative);
             scatter[of].1 += 1.0;
-            let w = weight * information;
-            // Most beams are cut by no edge and tell of the levels alone.
-            if cut {
-                sums.add::<FIRST>(w, residual, &prediction);
-            } else {
-                sums.add::<STRIP>(w, residual, &prediction);
-            }
+            sums.add(weight * information, residual, &prediction);
+        }
+        for (level, level_sums) in [STRIP, BEHIND].into_iter().zip(&levels) {
+            sums.add_level(level, level_sums);
+            scatter[0].0 += level_sums.scatter.0;
+            scatter[0].1 += level_sums.scatter.1;
         }
         let Sums {
             mut normal,

@@ -121,16 +121,15 @@ impl Planes {
         let (ray, tau_s) = (table.cos_sin[i], table.time_s(i));
         let on_face = self.faces[usize::from(face)].cosine(ray);
         // How soon each is met.
-        let mut soonest = (0.0, f64::NAN);
-        let mut next = 0.0f64;
-        for plane in &self.behind {
-            let cosine = plane.cosine(ray);
-            let soon = cosine / plane.distance_m(tau_s);
-            if soon > soonest.0 {
-                next = soonest.0;
-                soonest = (soon, cosine);
-            } else {
-                next = next.max(soon);
+        let soon = self
+            .behind
+            .map(|p| (p.cosine(ray) / p.distance_m(tau_s), p.cosine(ray)));
+        let (mut soonest, mut next) = ((0.0, f64::NAN), 0.0);
+        for one in soon {
+            if one.0 > soonest.0 {
+                (next, soonest) = (soonest.0, one);
+            } else if one.0 > next {
+                next = one.0;
             }
         }
         let in_corner = next > CORNER * soonest.0;

@@ -118,6 +118,7 @@ impl ScannerPose {
     }
 
     /// Where the beam at `angle_rad` meets the plane of `face`; none where it points away from it.
+    #[inline]
     pub fn crossing(&self, angle_rad: f64, face: Face) -> Option<Crossing> {
         let (sin, cos) = angle_rad.sin_cos();
         let [level, upright] = &self.beams;

@@ -30,8 +30,8 @@ pub enum ValueError {
 pub trait Value: Clone + Default {
     /// The ROS 2 field type in a message definition.
     const ROS_TYPE: &'static str;
-    /// What goes through serde into CDR.
-    type Wire: Serialize + DeserializeOwned;
+    /// What serde makes of CDR.
+    type Wire: DeserializeOwned;
 
     /// Whether the value is absent (an empty CSV field).
     fn is_missing(&self) -> bool;
@@ -39,8 +39,8 @@ pub trait Value: Clone + Default {
     fn push_text(&self, out: &mut Vec<u8>);
     /// Reads the CSV text; an empty one is the missing value, or [`ValueError::Empty`].
     fn parse_text(&mut self, text: &[u8]) -> Result<(), ValueError>;
-    /// The CDR form.
-    fn to_wire(&self) -> Self::Wire;
+    /// What serde makes CDR of, in the form of [`Value::Wire`].
+    fn to_wire(&self) -> impl Serialize;
     /// Back from the CDR form.
     fn from_wire(wire: Self::Wire) -> Self;
     /// How many items a list has; none for a single value.
@@ -141,7 +141,7 @@ impl Value for f64 {
         };
         Ok(())
     }
-    fn to_wire(&self) -> f64 {
+    fn to_wire(&self) -> impl Serialize {
         *self
     }
     fn from_wire(wire: f64) -> f64 {
@@ -162,7 +162,7 @@ impl Value for Stamp {
         *self = Stamp::from_ns(parse_int(text)?);
         Ok(())
     }
-    fn to_wire(&self) -> i64 {
+    fn to_wire(&self) -> impl Serialize {
         self.ns()
     }
     fn from_wire(wire: i64) -> Stamp {
@@ -190,7 +190,7 @@ impl Value for Option<Stamp> {
         };
         Ok(())
     }
-    fn to_wire(&self) -> i64 {
+    fn to_wire(&self) -> impl Serialize {
         self.map_or(i64::MIN, Stamp::ns)
     }
     fn from_wire(wire: i64) -> Option<Stamp> {
@@ -211,7 +211,7 @@ impl Value for u32 {
         *self = u32::try_from(parse_int(text)?).map_err(|_| ValueError::Not("a 32 bit count"))?;
         Ok(())
     }
-    fn to_wire(&self) -> u32 {
+    fn to_wire(&self) -> impl Serialize {
         *self
     }
     fn from_wire(wire: u32) -> u32 {
@@ -241,7 +241,7 @@ impl Value for Option<u32> {
         };
         Ok(())
     }
-    fn to_wire(&self) -> i64 {
+    fn to_wire(&self) -> impl Serialize {
         self.map_or(-1, i64::from)
     }
     fn from_wire(wire: i64) -> Option<u32> {
@@ -263,8 +263,8 @@ impl Value for Vec<f64> {
             text::parse_f64(t).ok_or(ValueError::Not("a list of numbers"))
         })
     }
-    fn to_wire(&self) -> Vec<f64> {
-        self.clone()
+    fn to_wire(&self) -> impl Serialize {
+        self
     }
     fn from_wire(wire: Vec<f64>) -> Vec<f64> {
         wire
@@ -292,18 +292,16 @@ impl Value for Vec<f32> {
         });
     }
     fn parse_text(&mut self, text: &[u8]) -> Result<(), ValueError> {
-        parse_list(self, text, |t| {
-            if t.len() <= 5 && t.iter().all(u8::is_ascii_digit) {
-                return Ok(t.iter().fold(0u32, |n, d| n * 10 + u32::from(d - b'0')) as f32);
-            }
+        let whole = |number| number as f32;
+        parse_mostly_whole(self, text, whole, |t| {
             let value = std::str::from_utf8(t)
                 .ok()
                 .and_then(|t| t.parse::<f32>().ok());
             value.ok_or(ValueError::Not("a list of numbers"))
         })
     }
-    fn to_wire(&self) -> Vec<f32> {
-        self.clone()
+    fn to_wire(&self) -> impl Serialize {
+        self
     }
     fn from_wire(wire: Vec<f32>) -> Vec<f32> {
         wire
@@ -325,8 +323,8 @@ impl Value for Vec<i64> {
     fn parse_text(&mut self, text: &[u8]) -> Result<(), ValueError> {
         parse_list(self, text, parse_int)
     }
-    fn to_wire(&self) -> Vec<i64> {
-        self.clone()
+    fn to_wire(&self) -> impl Serialize {
+        self
     }
     fn from_wire(wire: Vec<i64>) -> Vec<i64> {
         wire
@@ -351,8 +349,8 @@ impl Value for String {
             .to_owned();
         Ok(())
     }
-    fn to_wire(&self) -> String {
-        self.clone()
+    fn to_wire(&self) -> impl Serialize {
+        self
     }
     fn from_wire(wire: String) -> String {
         wire
@@ -376,6 +374,39 @@ pub(super) fn push_list<T>(out: &mut Vec<u8>, list: &[T], mut push: impl FnMut(&
     }
 }
 
+/// Like [`parse_list`] for numbers that are mostly whole, as ranges and remissions are: those of up
+/// to nine digits are read digit by digit on the way, and only others are cut out and parsed.
+pub(super) fn parse_mostly_whole<T>(
+    list: &mut Vec<T>,
+    text: &[u8],
+    whole: impl Fn(u32) -> T,
+    mut parse: impl FnMut(&[u8]) -> Result<T, ValueError>,
+) -> Result<(), ValueError> {
+    list.clear();
+    let mut rest = text;
+    while !rest.is_empty() {
+        let (number, digits) = text::leading_whole(rest);
+        let length = match rest.get(digits) {
+            None | Some(b' ') if digits > 0 => {
+                list.push(whole(number));
+                digits
+            }
+            _ => {
+                let length = rest.iter().position(|b| *b == b' ').unwrap_or(rest.len());
+                list.push(parse(&rest[..length])?);
+                length
+            }
+        };
+        match rest.get(length + 1..) {
+            // A space at the end has an item behind it that is not there.
+            Some([]) => return parse(&[]).map(|item| list.push(item)),
+            Some(behind) => rest = behind,
+            None => return Ok(()),
+        }
+    }
+    Ok(())
+}
+
 pub(super) fn parse_list<T>(
     list: &mut Vec<T>,
     text: &[u8],
@@ -389,4 +420,47 @@ pub(super) fn parse_list<T>(
         list.push(parse(item)?);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_are_read_like_others() {
+        let texts = [
+            "",
+            "7",
+            "7 8",
+            "7 8 ",
+            " 7",
+            "7  8",
+            "7 x",
+            "7x 8",
+            "1.5 2 -3",
+            "2 inf 3",
+            "nan 4 5",
+            "999999999 1234567890 12345678901234",
+            "0007 8",
+            "+7 8",
+            "1e3 4",
+            "-0 5",
+            "\u{e9} 1",
+        ];
+        for text in texts {
+            let (mut fast, mut slow) = (Vec::new(), Vec::new());
+            let number = |t: &[u8]| {
+                let value = std::str::from_utf8(t)
+                    .ok()
+                    .and_then(|t| t.parse::<f64>().ok());
+                value.ok_or(ValueError::Not("a number"))
+            };
+            let found = parse_mostly_whole(&mut fast, text.as_bytes(), f64::from, number);
+            let wanted = parse_list(&mut slow, text.as_bytes(), number);
+            assert_eq!(found, wanted, "{text:?}");
+            if found.is_ok() {
+                assert_eq!(format!("{fast:?}"), format!("{slow:?}"), "{text:?}");
+            }
+        }
+    }
 }

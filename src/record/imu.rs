@@ -2,6 +2,7 @@
 
 use super::columns::{Value, ValueError, columns};
 use super::time::Stamp;
+use serde::Serialize;
 
 /// The axes that an IMU sample's quantities are given in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,8 +51,8 @@ impl Value for Axes {
         *self = known.ok_or(ValueError::Not("ned, enu or platform"))?.0;
         Ok(())
     }
-    fn to_wire(&self) -> String {
-        self.name().to_owned()
+    fn to_wire(&self) -> impl Serialize {
+        self.name()
     }
     fn from_wire(wire: String) -> Axes {
         Axes::NAMES

@@ -3,6 +3,9 @@
 use super::columns::{self, Record, Value, ValueError, Visit, VisitMut};
 use super::time::Stamp;
 use super::{Presence, Scan, ScanMotion, upper_index};
+use serde::de::{self, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
 
 /// A line in the scan plane of S: `y cos(alpha) + z sin(alpha) = d`, `d >= 0`.
 ///
@@ -94,10 +97,34 @@ macro_rules! tokens {
             }
         }
 
+        /// In a message, a word.
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.name())
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(from: D) -> Result<$type, D::Error> {
+                struct Word;
+                impl Visitor<'_> for Word {
+                    type Value = $type;
+                    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                        f.write_str($what)
+                    }
+                    fn visit_str<E: de::Error>(self, word: &str) -> Result<$type, E> {
+                        let known = $type::from_name(word.as_bytes());
+                        known.ok_or_else(|| E::invalid_value(Unexpected::Str(word), &self))
+                    }
+                }
+                from.deserialize_str(Word)
+            }
+        }
+
         /// A list of words in one field.
         impl Value for Vec<$type> {
             const ROS_TYPE: &'static str = "string[]";
-            type Wire = Vec<String>;
+            type Wire = Vec<$type>;
             fn is_missing(&self) -> bool {
                 self.is_empty()
             }
@@ -109,11 +136,11 @@ macro_rules! tokens {
                     $type::from_name(item).ok_or(ValueError::Not($what))
                 })
             }
-            fn to_wire(&self) -> Vec<String> {
-                self.iter().map(|v| v.name().to_owned()).collect()
+            fn to_wire(&self) -> impl Serialize {
+                self
             }
-            fn from_wire(wire: Vec<String>) -> Vec<$type> {
-                wire.iter().filter_map(|name| $type::from_name(name.as_bytes())).collect()
+            fn from_wire(wire: Vec<$type>) -> Vec<$type> {
+                wire
             }
             fn items(&self) -> Option<usize> {
                 Some(self.len())

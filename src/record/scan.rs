@@ -4,6 +4,7 @@ use super::columns::{Record, Value, ValueError, Visit, VisitMut};
 use super::text;
 use super::time::Stamp;
 use super::{Presence, columns};
+use serde::Serialize;
 use std::ops::{Deref, DerefMut};
 
 /// The most echoes that a scan can hold (LMS5xx PRO: five).
@@ -270,12 +271,15 @@ impl Value for Ranges {
         });
     }
     fn parse_text(&mut self, text: &[u8]) -> Result<(), ValueError> {
-        columns::parse_list(&mut self.0, text, |item| {
+        columns::parse_mostly_whole(&mut self.0, text, text::metres, |item| {
             text::parse_range_mm(item).ok_or(ValueError::Not("a list of ranges in mm"))
         })
     }
-    fn to_wire(&self) -> Vec<f32> {
-        self.0.iter().map(|range_m| *range_m as f32).collect()
+    fn to_wire(&self) -> impl Serialize {
+        self.0
+            .iter()
+            .map(|range_m| *range_m as f32)
+            .collect::<Vec<f32>>()
     }
     fn from_wire(wire: Vec<f32>) -> Ranges {
         Ranges(wire.into_iter().map(f64::from).collect())

@@ -1,6 +1,7 @@
 //! What a consumer must know before it trusts a pose.
 
 use super::columns::{Value, ValueError};
+use serde::Serialize;
 use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
 
@@ -122,7 +123,7 @@ impl Value for Status {
         }
         Ok(())
     }
-    fn to_wire(&self) -> String {
+    fn to_wire(&self) -> impl Serialize {
         self.to_string()
     }
     /// Words of a later version are passed over: a message cannot be refused half read.
@@ -153,7 +154,7 @@ mod tests {
             let mut back = Status::NO_POSE;
             back.parse_text(&out).unwrap();
             assert_eq!(back, status);
-            assert_eq!(Status::from_wire(status.to_wire()), status);
+            assert_eq!(Status::from_wire(status.to_string()), status);
         }
         assert_eq!(Status::default().to_string(), "ok");
         assert!(Status::OK.clone().parse_text(b"no-such").is_err());

@@ -135,11 +135,12 @@ impl LineSums {
                 s.motion[0] -= v * inverse;
                 s.motion[1] -= v * a;
                 s.motion[2] -= v;
-                s.motion[3] -= roll * inverse;
                 s.motion[4] -= roll * a;
                 s.motion[5] -= roll;
             }
         }
+        // Of d with the roll rate as much as of a with the velocity.
+        s.motion[3] = s.motion[1];
         s.points = f64::from(points);
         s.beside = f64::from(beside);
         s.in_front = f64::from(in_front);

@@ -16,6 +16,8 @@ pub(in crate::report) struct Course<'a> {
     pub factor: f64,
     /// From where to where the scale goes, in the unit shown; what is beyond is cut off there.
     pub range: [f64; 2],
+    /// Pixels that share one pair of extremes: 1, or more where a page holds many courses.
+    pub step_px: usize,
 }
 
 /// The height that a trace's axis needs on either side of zero, m or rad, and how many columns go
@@ -60,7 +62,7 @@ pub(in crate::report) fn over_time(
             course.range,
         );
         let inner = (width as i32 - PLOT_MARGINS[0] - PLOT_MARGINS[1]).max(1) as usize;
-        let columns = trace.coarser(inner);
+        let columns = trace.coarser(inner / course.step_px.max(1));
         let step = trace.duration_s.max(1e-9) / columns.len().max(1) as f64;
         let at = |i: usize| (i as f64 + 0.5) * step;
         let shown = |v: f64| (v * course.factor).clamp(low, high);

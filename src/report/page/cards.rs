@@ -190,7 +190,7 @@ fn solved(case: &Case) -> Card {
         let limit = fixed(SOLVED_LIMIT_PCT, 0);
         (
             "warn",
-            format!("below {limit} %: {} of {total} without", count(without)),
+            format!("limit {limit} %: {} without a pose", count(without)),
         )
     } else {
         ("", format!("{} of {total} without a pose", count(without)))

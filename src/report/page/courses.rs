@@ -20,7 +20,7 @@ fn result(case: &Case, index: usize) -> Option<&AxisResult> {
 pub(super) fn wide(case: &Case, several: bool) -> Vec<Figure> {
     let axes: &[usize] = if several { &[] } else { &WIDE };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[0], 190)))
+    axes.filter_map(|i| course(case, *i, (WIDTHS[0], 190), several))
         .collect()
 }
 
@@ -28,32 +28,33 @@ pub(super) fn wide(case: &Case, several: bool) -> Vec<Figure> {
 pub(super) fn small(case: &Case, several: bool) -> Vec<Figure> {
     let axes: &[usize] = if several { &WIDE } else { &SMALL };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[1], 150)))
+    axes.filter_map(|i| course(case, *i, (WIDTHS[1], 150), several))
         .collect()
 }
 
-fn course(case: &Case, index: usize, size: (u32, u32)) -> Option<Figure> {
+fn course(case: &Case, index: usize, size: (u32, u32), several: bool) -> Option<Figure> {
     let result = result(case, index)?;
     let axis = AXES.get(index)?;
     let title = format!("Error in {}", axis.name);
     of(
         result,
         axis,
-        &format!("error-{}", axis.name),
-        &title,
+        [&format!("error-{}", axis.name), &title],
         size,
         true,
+        several,
     )
 }
 
-/// The course of a result; `signed` for one about zero, not from it.
+/// The course of a result with its figure's name and title; `signed` for one about zero, not from it;
+/// coarser where `several` runs share the page.
 pub(super) fn of(
     result: &AxisResult,
     axis: &Axis,
-    name: &str,
-    title: &str,
+    [name, title]: [&str; 2],
     size: (u32, u32),
     signed: bool,
+    several: bool,
 ) -> Option<Figure> {
     let title = if result.consistency.n > 0 {
         format!("{title}, with the solver’s ±3σ")
@@ -70,6 +71,7 @@ pub(super) fn of(
         trace: &result.trace,
         factor: axis.factor,
         range: [if signed { -top } else { 0.0 }, top],
+        step_px: 1 + usize::from(several),
     };
     let drawing = figure::over_time(&course, size, &title);
     (result.statistics.n > 0).then(|| Figure::new(name, title, unit, drawing))

@@ -24,11 +24,11 @@ const MS: f64 = 1e3;
 const MM: f64 = 1e3;
 
 /// Every figure of these sections.
-pub(super) fn figures(case: &Case) -> Vec<Figure> {
+pub(super) fn figures(case: &Case, several: bool) -> Vec<Figure> {
     let mut all: Vec<Figure> = delay_figure(case).into_iter().collect();
-    all.extend(track_figures(case));
+    all.extend(track_figures(case, several));
     all.extend(orientation_figures(case));
-    all.extend(quality_figures(case));
+    all.extend(quality_figures(case, several));
     all.extend(stability_figures(case));
     all
 }
@@ -100,7 +100,8 @@ pub(super) fn delay(case: &Case) -> Markup {
     }
 }
 
-fn track_figures(case: &Case) -> Vec<Figure> {
+/// The error along the way and the distance from it over time.
+pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
     let Some(track) = &case.track else {
         return Vec::new();
     };
@@ -109,19 +110,21 @@ fn track_figures(case: &Case) -> Vec<Figure> {
     let along = courses::of(
         &track.along,
         axis,
-        "along",
-        "Error along the way",
+        ["along", "Error along the way"],
         size,
         true,
+        several,
     );
     let cross = courses::of(
         &track.cross,
         axis,
-        "cross",
-        "Distance from the way",
+        ["cross", "Distance from the way"],
         size,
         false,
+        several,
     );
+    // Where several runs share the page, the distance's numbers have to do.
+    let cross = cross.filter(|_| !several);
     along.into_iter().chain(cross).collect()
 }
 
@@ -153,11 +156,6 @@ pub(super) fn more_errors(case: &Case) -> Vec<(String, Statistics, usize)> {
     rows
 }
 
-/// The way along and across, over time.
-pub(super) fn track(case: &Case) -> Markup {
-    row("two", &track_figures(case))
-}
-
 fn orientation_figures(case: &Case) -> Vec<Figure> {
     let Some(orientation) = &case.orientation else {
         return Vec::new();
@@ -173,6 +171,7 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
             trace: &angle.trace,
             factor,
             range: [-limit * factor, limit * factor],
+            step_px: 1,
         };
         let title = format!("Pose − IMU in {name}, less the offset");
         let drawing = figure::over_time(&course, (WIDTHS[2], 140), &title);
@@ -227,8 +226,8 @@ fn orientation_table(found: &Orientation) -> Markup {
     }
 }
 
-/// What the poses rest on: edges, votes, residuals.
-pub(super) fn quality_figures(case: &Case) -> Vec<Figure> {
+/// What the poses rest on: edges, votes, residuals; over time too where the page is one run's.
+pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
     let quality = &case.quality;
     let size = (WIDTHS[2], 140);
     let mut figures = Vec::new();
@@ -255,7 +254,7 @@ pub(super) fn quality_figures(case: &Case) -> Vec<Figure> {
         ("edges-time", "Edges over time", &quality.edges_trace),
         ("votes-time", "Votes over time", &quality.votes_trace),
     ] {
-        figures.extend(counted(name, title, trace));
+        figures.extend(counted(name, title, trace).filter(|_| !several));
     }
     let Some(lines) = &quality.lines else {
         return figures;
@@ -296,6 +295,7 @@ fn counted(name: &str, title: &str, trace: &Trace) -> Option<Figure> {
         trace,
         factor: 1.0,
         range: [0.0, above(top)],
+        step_px: 1,
     };
     let drawing = figure::over_time(&course, (WIDTHS[2], 140), title);
     (top > 0.0).then(|| Figure::new(name, title, "time in s", drawing))

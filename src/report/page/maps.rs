@@ -74,8 +74,8 @@ fn maps() -> Vec<Map> {
     ]
 }
 
-/// Cells of the maps of one page, whatever the number of maps.
-const PAGE_CELLS: usize = 1800;
+/// Cells of the maps of one page, whatever the number of maps: of one run's, and of several.
+const PAGE_CELLS: [usize; 2] = [1800, 1200];
 
 /// The maps of all runs.
 pub(super) struct Maps {
@@ -91,7 +91,8 @@ impl Maps {
         if cases.len() > 1 {
             maps.truncate(3);
         }
-        let room = PAGE_CELLS / (maps.len() * cases.len().max(1));
+        let page = PAGE_CELLS[usize::from(cases.len() > 1)];
+        let room = page / (maps.len() * cases.len().max(1));
         let cells = |c: &&Case| (c.name(), c.cells.as_ref().map(|cells| cells.within(room)));
         Maps {
             maps,

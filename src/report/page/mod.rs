@@ -19,7 +19,7 @@ use super::terminal::{matching_line, run_line};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Cases that get figures of their own; further ones are in the tables.
-const DRAWN: usize = 4;
+const DRAWN: usize = 3;
 /// Width of the page's figures, px: alone in a row, one of two, one of three.
 const WIDTHS: [u32; 3] = [1072, 524, 341];
 
@@ -76,7 +76,7 @@ pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
         figures.extend(courses::small(case, several));
         figures.extend(courses::distributions(case, several));
         figures.extend(tables::consistency_figures(case));
-        figures.extend(evaluation::figures(case));
+        figures.extend(evaluation::figures(case, several));
         all.extend(figures.into_iter().map(|f| f.of(&name)));
     }
     if let Some(inertial) = &report.inertial {
@@ -152,7 +152,7 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         }
         @for case in drawn.iter().filter(|c| c.track.is_some()) {
             (head(case))
-            (evaluation::track(case))
+            (row("two", &evaluation::track_figures(case, several)))
         }
         @if drawn.iter().any(|c| c.orientation.is_some()) { h2 { "Orientation against the IMU" } }
         @for case in drawn.iter().filter(|c| c.orientation.is_some()) {
@@ -174,7 +174,7 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         @for case in cases {
             (head(case))
             (tables::scans(case))
-            @if is_one_of(&drawn, case) { (row("three", &evaluation::quality_figures(case))) }
+            @if is_one_of(&drawn, case) { (row("three", &evaluation::quality_figures(case, several))) }
         }
         @if drawn.iter().any(|c| c.stability.is_some()) { h2 { "Standing still" } }
         @for case in drawn.iter().filter(|c| c.stability.is_some()) {
