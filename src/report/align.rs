@@ -75,7 +75,7 @@ pub struct AlignmentError {
 pub const LEVER_M: f64 = 1.0;
 /// Positions that spread less than this about their mean, or about a straight line, say nothing of
 /// a turn, m (rms).
-const STILL_M: f64 = 0.01;
+const STILL_M: f64 = 0.05;
 /// Nor do those that spread less than this share of their length.
 const STRAIGHT: f64 = 0.001;
 

@@ -92,8 +92,6 @@ impl Matching {
     }
 }
 
-/// Points looked at one by one before the search for an instant begins anew.
-const NEAR: usize = 8;
 /// Nearest association's default limit, s.
 const NEAREST_S: f64 = 0.010;
 /// Default limit of a gap, in median spacings.
@@ -210,19 +208,30 @@ impl Reference {
         }
     }
 
-    /// Index of the first point that is not before `stamp`.
+    /// Index of the first point that is not before `stamp`: sought from `place` on, in steps that
+    /// double, so that it is cheap where the next instant is near the last one.
     pub(super) fn next(&self, place: &mut usize, stamp: Stamp) -> usize {
         let before = |i: usize| self.points.get(i).is_some_and(|p| p.stamp < stamp);
-        let mut next = *place;
-        let begun = next.checked_sub(1).is_none_or(before);
-        for _ in 0..NEAR {
-            if begun && before(next) {
-                next += 1;
+        // Everything up to `low` is before the stamp, nothing from `high` on.
+        let (mut low, mut high) = (0, self.points.len());
+        let (mut at, mut step) = (*place, 1);
+        if at > 0 && !before(at - 1) {
+            while at > 0 && !before(at - 1) {
+                high = at - 1;
+                at = at.saturating_sub(step);
+                step *= 2;
             }
+            low = at;
+        } else {
+            while before(at) {
+                low = at + 1;
+                at += step;
+                step *= 2;
+            }
+            high = high.min(at);
         }
-        if !begun || before(next) {
-            next = self.points.partition_point(|p| p.stamp < stamp);
-        }
+        let between = self.points.get(low..high).unwrap_or_default();
+        let next = low + between.partition_point(|p| p.stamp < stamp);
         *place = next;
         next
     }

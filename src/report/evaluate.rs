@@ -136,19 +136,18 @@ impl View<'_> {
     }
 
     /// The whole poses, for relative errors; none where none are asked for.
-    fn steps(&self, run: &Gathered, samples: &[&Sample]) -> Vec<Step> {
+    fn steps<'a>(&self, run: &Gathered, samples: &[&'a Sample]) -> Vec<Step<'a>> {
         if self.settings.relative.is_empty() {
             return Vec::new();
         }
         let whole = samples
             .iter()
             .filter(|s| s.error.iter().all(|e| e.is_finite()));
-        let step = |s: &&Sample| {
-            let pose = run.pose(s)?;
+        let step = |s: &&'a Sample| {
             Some(Step {
-                stamp: pose.stamp,
-                measured: measured(pose),
-                reference: s.reference,
+                stamp: run.pose(s)?.stamp,
+                reference: &s.reference,
+                error: &s.error,
             })
         };
         whole.filter_map(step).collect()

@@ -151,11 +151,9 @@ impl Gathered {
     /// Positions with the reference's velocity.
     fn passed(&self) -> impl Iterator<Item = Passed> + Clone {
         self.samples.iter().filter_map(|s| {
-            let pose = self.run.poses.get(s.pose as usize)?;
-            let [x, y, z, ..] = measured(pose);
             Some(Passed {
-                stamp: pose.stamp,
-                position_m: [x, y, z],
+                stamp: self.run.poses.get(s.pose as usize)?.stamp,
+                position_m: [0, 1, 2].map(|i| s.reference[i] + s.error[i]),
                 velocity_m_s: s.velocity_m_s.map(f64::from),
             })
         })

@@ -54,7 +54,7 @@ pub struct Delay {
 /// Poses that an estimate is made from, evenly chosen of more.
 const ENOUGH: usize = 10_000;
 /// Poses that the curve is made from.
-const CURVE_POSES: usize = 5_000;
+const CURVE_POSES: usize = 2_500;
 /// Points of the curve.
 const CURVE_POINTS: usize = 60;
 /// The curve goes beyond zero and beyond the delay by their distance, but at least by this, s.
@@ -159,6 +159,7 @@ impl Delay {
             delay_s, sigma_s, ..
         } = found;
         let every = poses.clone().count().div_ceil(CURVE_POSES).max(1);
+        let some: Vec<Passed> = poses.clone().step_by(every).collect();
         let beyond_s = delay_s.abs().max(CURVE_BEYOND_S);
         let (from_s, to_s) = (delay_s.min(0.0) - beyond_s, delay_s.max(0.0) + beyond_s);
         let step_s = (to_s - from_s) / (CURVE_POINTS - 1) as f64;
@@ -170,7 +171,7 @@ impl Delay {
         delays_s.sort_unstable_by(f64::total_cmp);
         delays_s.dedup();
         let curve = delays_s.into_iter().map(|assumed_s| {
-            let some = poses.clone().step_by(every);
+            let some = some.iter().copied();
             (assumed_s, position_rms_m(some, reference, assumed_s))
         });
         Delay {

@@ -50,7 +50,7 @@ pub struct Orientation {
 pub struct AngleResult {
     /// The fitted line's value in the middle of the comparison, rad.
     pub offset_rad: f64,
-    /// Its slope, rad/s.
+    /// Its slope, rad/s; NaN where the record is too short to tell it, and the line is level.
     pub drift_rad_s: f64,
     /// What is left, rad.
     pub residual: Statistics,
@@ -77,6 +77,8 @@ pub struct RateResult {
 pub const WINDOW_S: f64 = 0.2;
 /// Samples further apart than this many usual spacings are not interpolated between.
 const GAP: f64 = 5.0;
+/// A shorter comparison tells no drift, s.
+const DRIFTS_S: f64 = 10.0;
 /// Fewer instants in common are no comparison.
 const FEWEST: usize = 10;
 
@@ -189,7 +191,11 @@ fn angle(pairs: &[(Seen, Attitude)], i: usize, time: (Stamp, Stamp)) -> AngleRes
         tt += (t - mean_t).powi(2);
         td += (t - mean_t) * (d - mean_d);
     }
-    let slope = if tt > 0.0 { td / tt } else { f64::NAN };
+    let length_s = match (off.first(), off.last()) {
+        (Some(a), Some(b)) => b.1 - a.1,
+        _ => 0.0,
+    };
+    let slope = if length_s >= DRIFTS_S { td / tt } else { f64::NAN };
     let middle = match (off.first(), off.last()) {
         (Some(a), Some(b)) => 0.5 * (a.1 + b.1),
         _ => f64::NAN,

@@ -76,8 +76,10 @@ const MEDIAN_SQUARE: f64 = 0.454_936_423_119_572_7;
 const SLOW: f64 = 0.2;
 const FAST: f64 = 0.6;
 const STEPS: usize = 60;
-/// A step this small ends the iteration, s.
+/// A step this small ends the iteration, s,
 const SETTLED_S: f64 = 1e-10;
+/// or one of this share of the standard error.
+const SETTLED_SHARE: f64 = 1e-4;
 /// Speed is steady where it changes by less than this share of the largest acceleration.
 const STEADY: f64 = 0.25;
 
@@ -184,17 +186,17 @@ impl Problem<'_> {
     fn solve(&mut self, seed_s: f64, most_s: f64) -> Result<DelayFit, DelayError> {
         // Without weights first: the residuals of the seed say little about the noise.
         for round in 0..STEPS {
-            let rows = self.modelled(self.delay_s);
+            let mut rows = self.modelled(self.delay_s);
             if round > 0 {
-                self.weigh(&rows);
+                self.weigh(&mut rows);
             }
-            let rows = self.modelled(self.delay_s);
-            let step = self.step(&rows, round > 0).ok_or(DelayError::Unsettled)?;
+            let (step, error_s) = self.step(&rows, round > 0).ok_or(DelayError::Unsettled)?;
             self.take(&step);
             if !((self.delay_s - seed_s).abs() <= most_s.max(0.1)) {
                 return Err(DelayError::Unsettled);
             }
-            if round > 2 && step.first().is_some_and(|s| s.abs() < SETTLED_S) {
+            let settled_s = SETTLED_S.max(SETTLED_SHARE * error_s);
+            if round > 2 && step[0].abs() < settled_s {
                 break;
             }
         }
@@ -244,8 +246,9 @@ impl Problem<'_> {
         self.rows.iter().filter_map(model).collect()
     }
 
-    /// Noise and jitter of each axis from the medians of squared residuals.
-    fn weigh(&mut self, rows: &[Modelled]) {
+    /// Noise and jitter of each axis from the medians of squared residuals; the rows' variances with
+    /// them.
+    fn weigh(&mut self, rows: &mut [Modelled]) {
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let own = || rows.iter().filter(|row| row.axis == index);
             let top = own().map(|row| row.velocity_m_s.abs()).fold(0.0, f64::max);
@@ -270,6 +273,11 @@ impl Problem<'_> {
             } else {
                 axis.noise_m2 = variance(&mut all);
                 axis.jitter_s2 = 0.0;
+            }
+        }
+        for row in rows {
+            if let Some(axis) = self.axes.get(row.axis) {
+                row.variance_m2 = axis.noise_m2 + axis.jitter_s2 * row.velocity_m_s.powi(2);
             }
         }
     }
@@ -299,7 +307,9 @@ impl Problem<'_> {
         Matrix::from_diagonal(&Gradient::from_fn(|i, _| if i < n { 0.0 } else { 1.0 }))
     }
 
-    fn step(&self, rows: &[Modelled], robust: bool) -> Option<Vec<f64>> {
+    /// The next step of the unknowns, and the delay's standard error if the errors were independent
+    /// and Gaussian, s.
+    fn step(&self, rows: &[Modelled], robust: bool) -> Option<(Gradient, f64)> {
         let (mut matrix, mut right) = (self.begun(), Gradient::zeros());
         for row in rows {
             let gradient = self.gradient(row);
@@ -313,12 +323,13 @@ impl Problem<'_> {
             matrix.ger(weight, &gradient, &gradient, 1.0);
             right.axpy(weight * row.residual_m, &gradient, 1.0);
         }
-        let step = matrix.cholesky()?.solve(&right);
+        let root = matrix.cholesky()?;
+        let step = root.solve(&right);
         let finite = step.iter().all(|value| value.is_finite());
-        finite.then(|| step.iter().copied().collect())
+        finite.then(|| (step, root.inverse()[(0, 0)].sqrt()))
     }
 
-    fn take(&mut self, step: &[f64]) {
+    fn take(&mut self, step: &Gradient) {
         let mut step = step.iter();
         self.delay_s += step.next().copied().unwrap_or(0.0);
         for axis in &mut self.axes {

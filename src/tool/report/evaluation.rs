@@ -9,7 +9,6 @@ use crate::report::{
 };
 use crate::stream::{Fault, Input, Options};
 use crate::tool::common::parse_signed_duration;
-use anyhow::Context;
 use std::path::{Path, PathBuf};
 
 /// How poses are evaluated.
@@ -137,8 +136,8 @@ impl EvaluationArgs {
             AlignChoice::Found(align) => return Ok(align.clone()),
             AlignChoice::File(path) => path,
         };
-        let name = || path.display().to_string();
-        let text = std::fs::read_to_string(path).with_context(name)?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
         let given = Alignment::parse(&text)
             .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
         Ok(Align::Given(Box::new(given)))

@@ -105,7 +105,7 @@ pub struct PoseArgs {
     /// Title of the page
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// Print the workspace's cells for y and z too
+    /// Print the workspace's cells for y, z, roll and pitch too
     #[arg(long)]
     pub cells: bool,
     /// ASCII only [default: where the locale is not UTF-8]
