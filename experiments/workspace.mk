@@ -104,7 +104,7 @@ $(WORKSPACE)/report.txt: $(WORKSPACE_FILES) $(OUT)/bound.json row.py
 		'y $(call bound,remission.y_rms_mm,2), z $(call bound,remission.z_rms_mm,2) mm rms'
 	$(PYTHON) row.py $(OUT) fig-5-7 'roll: "satisfactory"' 'roll max $(call of,published,roll.max_deg,4) deg' \
 		'roll $(call of,all-on,roll.rms_deg,4) deg rms' 'roll $(call bound,remission.roll_rms_deg,4) deg rms'
-	$(PYTHON) row.py $(OUT) fig-5-8 'x max 15 mm for z to 3.5 m, 2.5 (and more) mm above' \
+	$(PYTHON) row.py $(OUT) fig-5-8 'x max 15 mm for z to 3.5 m, 2.5 m above' \
 		'x max: z to 3.5 m $(call in_zone,low,published,x.max_mm,1), above $(call in_zone,left,published,x.max_mm,1) (y to 0) and $(call in_zone,right,published,x.max_mm,1) mm' \
 		'x max: $(call in_zone,low,all-on,x.max_mm,1), $(call in_zone,left,all-on,x.max_mm,1), $(call in_zone,right,all-on,x.max_mm,1) mm; $(call of,all-on,x.rms_mm,2) mm rms' \
 		'x $(call bound,remission.x_rms_mm,2) mm rms'

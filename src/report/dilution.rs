@@ -24,7 +24,7 @@ pub fn page(title: &str, conditions: &str, cells: &Cells) -> String {
 }
 
 /// The map of each component.
-fn figures(cells: &Cells) -> Vec<Figure> {
+pub(super) fn figures(cells: &Cells) -> Vec<Figure> {
     let axes = CELL_AXES
         .iter()
         .take(4)

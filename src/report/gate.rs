@@ -3,6 +3,7 @@
 use super::case::Case;
 use super::json;
 use super::lines::{self, Score};
+use super::{frame, standing};
 
 /// A condition under which the report fails.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,6 +63,22 @@ impl Gate {
     /// What is wrong with the text.
     pub fn for_lines(text: &str) -> Result<Gate, GateError> {
         Gate::parse(text, lines::statistic_exists)
+    }
+
+    /// A gate on a statistic of standstills, as `x.sigma_mm>1`.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn for_standing(text: &str) -> Result<Gate, GateError> {
+        Gate::parse(text, standing::statistic_exists)
+    }
+
+    /// A gate on what is predicted of a frame, as `x.sigma_mm>3`.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn for_frame(text: &str) -> Result<Gate, GateError> {
+        Gate::parse(text, frame::statistic_exists)
     }
 
     fn parse(text: &str, exists: impl Fn(&str) -> bool) -> Result<Gate, GateError> {
@@ -128,6 +145,22 @@ impl Gate {
         let is_for = self.only.as_ref().is_none_or(|only| *only == score.name);
         let value = || lines::statistic(score, &self.statistic);
         is_for.then(|| self.judge_value(score.name.clone(), value()))
+    }
+
+    /// Holds the gate against a run's standstills.
+    pub fn judge_standing(&self, found: &standing::Found) -> Verdict {
+        self.judge_value(
+            "static".to_owned(),
+            standing::statistic(found, &self.statistic),
+        )
+    }
+
+    /// Holds the gate against what is predicted of a frame.
+    pub fn judge_frame(&self, survey: &frame::Survey) -> Verdict {
+        self.judge_value(
+            survey.source.clone(),
+            frame::statistic(survey, &self.statistic),
+        )
     }
 
     fn judge_value(&self, case: String, value: Option<f64>) -> Verdict {

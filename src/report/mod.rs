@@ -1,6 +1,7 @@
 //! What a run of poses is worth: its error against a true or desired trajectory, per component,
 //! over time and over the workspace; whether its covariances are honest; what became of every scan.
-//! And what extracted lines are worth ([`lines`]).
+//! And what extracted lines are worth ([`lines`]), where a run stands ([`standing`]), what one scan
+//! looks like ([`scan`]) and what a frame allows ([`frame`]).
 //!
 //! The way through the room:
 //!
@@ -28,9 +29,11 @@ mod consistency;
 pub mod diff;
 pub mod dilution;
 mod disorder;
+mod drafting;
 mod evaluate;
 pub mod export;
 mod figure;
+pub mod frame;
 mod gate;
 mod gathered;
 mod inertial;
@@ -51,8 +54,10 @@ mod quality;
 mod relative;
 pub mod robot;
 mod scale;
+pub mod scan;
 mod scans;
 mod stability;
+pub mod standing;
 mod statistics;
 pub mod tables;
 pub mod terminal;

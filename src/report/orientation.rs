@@ -195,7 +195,11 @@ fn angle(pairs: &[(Seen, Attitude)], i: usize, time: (Stamp, Stamp)) -> AngleRes
         (Some(a), Some(b)) => b.1 - a.1,
         _ => 0.0,
     };
-    let slope = if length_s >= DRIFTS_S { td / tt } else { f64::NAN };
+    let slope = if length_s >= DRIFTS_S {
+        td / tt
+    } else {
+        f64::NAN
+    };
     let middle = match (off.first(), off.last()) {
         (Some(a), Some(b)) => 0.5 * (a.1 + b.1),
         _ => f64::NAN,

@@ -98,7 +98,14 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(4);
         (0..n)
             .map(|i| {
-                let reference = [0.0, 1.0 + moves * i as f64, 2.0, 0.0, 0.0, 3.14];
+                let reference = [
+                    0.0,
+                    1.0 + moves * i as f64,
+                    2.0,
+                    0.0,
+                    0.0,
+                    std::f64::consts::PI - 0.001,
+                ];
                 let mut measured = reference;
                 for (k, m) in measured.iter_mut().enumerate() {
                     let white: f64 = StandardNormal.sample(&mut random);

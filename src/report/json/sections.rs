@@ -152,7 +152,7 @@ pub(super) fn relative_path(name: &str) -> Option<(Delta, &str)> {
         let (delta, rest) = rest.split_at(at);
         Some((delta.parse().ok()?, rest.trim_start_matches('.')))
     })
-    .last()
+    .next_back()
 }
 
 /// The tree below a distance, as far as names go.

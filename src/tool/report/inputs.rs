@@ -181,11 +181,11 @@ pub(super) fn read_segments(
 }
 
 /// Whether an input is stdin, a FIFO or a device: anything but a file that is there or will be.
-fn is_pipe(path: &Path) -> bool {
+pub(super) fn is_pipe(path: &Path) -> bool {
     path == Path::new("-") || std::fs::metadata(path).is_ok_and(|m| !m.is_file())
 }
 
-fn joined<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
+pub(super) fn joined<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
     thread
         .join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -227,7 +227,7 @@ fn read_reference(
     }
 }
 
-fn is_bad_data(error: &anyhow::Error) -> bool {
+pub(super) fn is_bad_data(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(Fault::BadData(_)))
 }
 

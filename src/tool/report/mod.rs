@@ -5,12 +5,15 @@ mod convert;
 mod diff;
 mod evaluation;
 mod forms;
+mod frame;
 mod inputs;
 mod lines;
 mod outputs;
 mod pictures;
 mod poses;
 mod robot;
+mod scan;
+mod standing;
 
 use crate::stream::Outcome;
 
@@ -48,6 +51,12 @@ pub enum Subject {
     Diff(diff::DiffArgs),
     /// Writes records in another encoding, several files into one, one into several
     Convert(convert::ConvertArgs),
+    /// Draws and checks a frame file, and predicts what scans in it can tell
+    Frame(frame::FrameArgs),
+    /// Draws scans: beams, reflectors, lines, edges, residuals
+    Scan(scan::ScanArgs),
+    /// Standstills of a run: the mean pose of each, its uncertainty, the way home
+    Static(standing::StandingArgs),
     /// Finds where a robot's pulleys are, from poses measured where it stood
     Robot(robot::RobotArgs),
 }
@@ -62,6 +71,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Subject::Lines(args)) => lines::run(&args),
         Some(Subject::Diff(args)) => diff::run(&args),
         Some(Subject::Convert(args)) => convert::run(&args),
+        Some(Subject::Frame(args)) => frame::run(&args),
+        Some(Subject::Scan(args)) => scan::run(&args),
+        Some(Subject::Static(args)) => standing::run(&args),
         Some(Subject::Robot(args)) => robot::run(&args),
     }
 }
