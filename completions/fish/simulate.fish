@@ -84,6 +84,7 @@ complete -c simulate -l real-time -d 'Give out each scan when it would be comple
 complete -c simulate -l dilution -d 'In place of scans, a map over y and z (--y-range, --z-range, --step-m) of the least standard deviation of each component that a single scan allows, as CSV; poses of a cell are spread over --x-range and --tilt-deg; edges by remission where --effects has it, else by ranges'
 complete -c simulate -l hold -d 'Begin with the trajectory when the first client asks for scans'
 complete -c simulate -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c simulate -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c simulate -s q -l quiet -d 'No progress bar and no remarks'
 complete -c simulate -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c simulate -s h -l help -d 'Print help (see more with \'--help\')'
