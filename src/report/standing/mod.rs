@@ -159,7 +159,11 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
         for interval in still_intervals(piece, criteria, &noise) {
             let inside = without_outliers(interval);
             match kept.last_mut() {
-                Some(last) if one_place(last, &inside, criteria) => last.extend(inside),
+                Some(last) if one_place(last, &inside, criteria) => {
+                    // Intervals may share poses; each counts once.
+                    let end = last.last().map(|sample| sample.stamp);
+                    last.extend(inside.into_iter().filter(|s| Some(s.stamp) > end));
+                }
                 _ => kept.push(inside),
             }
         }

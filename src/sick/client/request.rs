@@ -154,7 +154,7 @@ impl Request {
     /// Appends the request in its frame.
     pub fn encode(&self, dialect: Dialect, out: &mut Vec<u8>) {
         let mut body = match dialect {
-            Dialect::Text => self.to_string().into_bytes(),
+            Dialect::Text => self.text(|value, text| value.write_text(text)).into_bytes(),
             Dialect::Binary => {
                 let mut body = format!("{} {}", self.verb.request(), self.name).into_bytes();
                 if !self.arguments.is_empty() {
@@ -173,25 +173,29 @@ impl Request {
         cola::frame(dialect, &body, out);
     }
 
+    /// As CoLa A has it, without the frame; `write` says how an argument is written.
+    fn text(&self, write: impl Fn(&Value, &mut String)) -> String {
+        let mut text = format!("{} {}", self.verb.request(), self.name);
+        for argument in &self.arguments {
+            text.push(' ');
+            write(argument, &mut text);
+        }
+        text
+    }
+
     /// Whether `telegram` is the answer to this request; a refusal names no request and is none.
     pub fn is_answered_by(&self, telegram: &Telegram) -> bool {
         telegram.verb() == self.verb.answer().as_bytes() && telegram.name() == self.name.as_bytes()
     }
 }
 
-/// As CoLa A writes it, without the frame.
+/// For people: as CoLa A writes it, without the frame and without a password's hash.
 impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut text = format!("{} {}", self.verb.request(), self.name);
-        for argument in &self.arguments {
-            text.push(' ');
-            match argument {
-                // A message or a log is no place for it.
-                Value::Hash(_) => text.push_str("(hash of the password)"),
-                argument => argument.write_text(&mut text),
-            }
-        }
-        f.write_str(&text)
+        f.write_str(&self.text(|value, text| match value {
+            Value::Hash(_) => text.push_str("(hash of the password)"),
+            value => value.write_text(text),
+        }))
     }
 }
 
@@ -427,6 +431,10 @@ mod tests {
         assert_eq!(
             encoded(&login, Dialect::Text),
             b"\x02sMN SetAccessMode 03 F4724744\x03"
+        );
+        assert_eq!(
+            login.to_string(),
+            "sMN SetAccessMode 03 (hash of the password)"
         );
         let firmware = Request::read("FirmwareVersion");
         assert_eq!(
