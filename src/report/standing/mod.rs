@@ -159,7 +159,11 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
         for interval in still_intervals(piece, criteria, &noise) {
             let inside = without_outliers(interval);
             match kept.last_mut() {
-                Some(last) if one_place(last, &inside, criteria) => last.extend(inside),
+                Some(last) if one_place(last, &inside, criteria) => {
+                    // Intervals may overlap; a pose counts once.
+                    let end = last.last().map(|s| s.stamp);
+                    last.extend(inside.into_iter().filter(|s| Some(s.stamp) > end));
+                }
                 _ => kept.push(inside),
             }
         }
@@ -183,7 +187,7 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
             first: first.stamp,
             last: last.stamp,
             poses: inside.len(),
-            left_out: within.count() - inside.len(),
+            left_out: within.count().saturating_sub(inside.len()),
             components,
             correction: desired.and_then(|d| correction(d, &inside, &components)),
         });
