@@ -382,6 +382,38 @@ fn a_cable_that_is_pulled_leaves_a_gap_and_no_duplicate() {
 }
 
 #[test]
+fn a_restart_soon_after_the_last_is_no_late_telegram() {
+    // The device's clock and counts are seen from zero on, and go back to it twice, by 2.5 s or so.
+    let dir = scratch("live-reboot-soon");
+    let faults = "reboot=800ms@2500ms,reboot=600ms@5500ms";
+    let device = Emulator::serve(&dir, &["--faults", faults]);
+    let args = [&*device.place, "-n", "200", "--tee", "run.cola"];
+    let stderr = capture(&dir, &args).expect(3);
+    assert!(stderr.contains("2 times the device restarted"), "{stderr}");
+    assert!(!stderr.contains("came after a newer one"), "{stderr}");
+    assert_gaps_are_counted(&dir, &stderr);
+    assert_replay_is_the_same(&dir, &["run.cola"]);
+    // On the host's clock: no stamp goes back, none is older than a stalled machine makes it.
+    let stamps = column(&dir.join("out.csv"), "stamp_ns");
+    assert!(stamps.is_sorted(), "{stamps:?}");
+    let received = column(&dir.join("out.csv"), "received_ns");
+    let ages_s = stamps
+        .iter()
+        .zip(&received)
+        .map(|(s, r)| (r - s) as f64 * 1e-9);
+    let oldest_s = ages_s.fold(0.0, f64::max);
+    assert!(oldest_s < 1.5, "{oldest_s} s");
+    // Between two starts the scans are missing for about as long as the stamps say.
+    let seqs = column(&dir.join("out.csv"), "seq");
+    let scans = (seqs[seqs.len() - 1] - seqs[0]) as f64;
+    let lasted_s = (stamps[stamps.len() - 1] - stamps[0]) as f64 * 1e-9;
+    assert!(
+        (lasted_s / (scans * 0.04) - 1.0).abs() < 0.2,
+        "{scans} in {lasted_s} s"
+    );
+}
+
+#[test]
 fn lost_scans_are_counted_exactly() {
     let dir = scratch("live-drop");
     let device = Emulator::serve(&dir, &["--faults", "drop=0.1,flip=0.05,repeat=0.1"]);

@@ -7,6 +7,12 @@ const LATE_US: i64 = 10_000_000;
 /// How much more time than the host saw may have passed on the device, us: telegrams that a stalled
 /// link delivers in a burst arrive closer together than they were made.
 const BURST_US: i64 = 60_000_000;
+/// How much less time than the host saw may have passed on the device when a new connection brings
+/// its first tick, us: that one may have waited on its way. No scanner restarts within this time.
+const BEHIND_US: i64 = 3_000_000;
+/// By how much a device's clock may be slow, as a fraction of the time that passed: one in this
+/// many.
+const SLOW: i64 = 5000;
 
 /// A tick, unwrapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +71,27 @@ impl TickUnwrapper {
         }
     }
 
+    /// Unwraps the first tick of a new connection to the device. What a new connection brings was
+    /// made after all that the old one brought, so that a tick that goes back, however little, is a
+    /// restart, and one is, too, that went on by far less than `elapsed_us`, the host's time.
+    pub fn push_connected(&mut self, tick: u32, elapsed_us: Option<i64>) -> Tick {
+        let newest = self.newest_us;
+        let pushed = self.push(tick, elapsed_us);
+        let restarted = match (pushed, newest) {
+            (Tick::Late(_), _) => true,
+            (Tick::Forward(us), Some(newest)) => elapsed_us.is_some_and(|elapsed_us| {
+                let slow_us = elapsed_us / SLOW;
+                us - newest < elapsed_us.saturating_sub(BEHIND_US + slow_us)
+            }),
+            _ => false,
+        };
+        if !restarted {
+            return pushed;
+        }
+        self.restart(tick);
+        Tick::Restart(i64::from(tick))
+    }
+
     /// Begins anew at `tick`, for a caller that knows of a restart by other signs.
     pub fn restart(&mut self, tick: u32) -> Tick {
         self.newest_us = Some(i64::from(tick));
@@ -99,6 +126,41 @@ mod tests {
         ticks.push(4_100_000_000, None);
         let restart = ticks.push(5_000_000, Some(40_000_000));
         assert_eq!(restart, Tick::Restart(5_000_000));
+    }
+
+    #[test]
+    fn a_new_connection_brings_nothing_late() {
+        let mut ticks = TickUnwrapper::default();
+        ticks.push(7_000_000, None);
+        assert_eq!(ticks.push(5_000_000, None), Tick::Late(5_000_000));
+        assert_eq!(
+            ticks.push_connected(5_000_000, Some(900_000)),
+            Tick::Restart(5_000_000)
+        );
+        // Later than the newest before, but 12 s passed: the device was off for a part of them.
+        assert_eq!(
+            ticks.push_connected(6_000_000, Some(12_000_000)),
+            Tick::Restart(6_000_000)
+        );
+        // On its way for 2 s, and a clock that is 100 ppm slow.
+        assert_eq!(
+            ticks.push_connected(16_000_000, Some(12_000_000)),
+            Tick::Forward(16_000_000)
+        );
+        assert_eq!(
+            ticks.push_connected(4_012_400_000, Some(4_000_000_000)),
+            Tick::Forward(4_012_400_000)
+        );
+        // Over the wrap.
+        assert_eq!(
+            ticks.push_connected(20_000_000, Some(300_000_000)),
+            Tick::Forward(LAP_US + 20_000_000)
+        );
+        assert_eq!(ticks.push_connected(7, None), Tick::Restart(7));
+        assert_eq!(
+            TickUnwrapper::default().push_connected(7, Some(9)),
+            Tick::Forward(7)
+        );
     }
 
     #[test]

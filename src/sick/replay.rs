@@ -14,6 +14,11 @@
 //! **Numbers.** `seq` counts the scans that the device was to send. Where it sends every n-th one
 //! (output divider) or the mean of n (mean filter), the scan counter advances by n from telegram to
 //! telegram; the telegram counter tells that from a loss.
+//!
+//! **Restarts.** A device that was started again counts and keeps time from zero. Where that goes
+//! back by little it looks like telegrams that were overtaken. But an overtaken telegram was missed
+//! before: one whose time and number fall into no gap, and one that goes back on a new connection,
+//! comes from a device that was started again.
 
 use super::angle_jitter::{AngleJitter, Correction, Delay};
 use super::scan::{self, BeamTiming, ScanError};
@@ -28,6 +33,8 @@ use std::collections::VecDeque;
 const PERIOD_SCANS: usize = 32;
 /// How many scans back a repetition is recognised.
 const REMEMBERED: usize = 16;
+/// How many gaps back an overtaken scan may belong.
+const GAPS: usize = 1024;
 /// How far a measured period may be from the nominal one and still be a period.
 pub(super) const PERIOD_TOLERANCE: f64 = 0.2;
 
@@ -95,6 +102,8 @@ pub struct Replay {
     /// Stamp and period of the newest scan, for the time after a restart.
     newest: Option<(Stamp, f64)>,
     any_arrival: bool,
+    /// The next scan is the first of a connection.
+    connected: bool,
     jitter: Option<Correction>,
     scan: Scan,
 }
@@ -106,6 +115,8 @@ struct Session {
     ticks: TickUnwrapper,
     newest: Newest,
     recent: VecDeque<Key>,
+    /// Where scans are missing, which may still come.
+    gaps: VecDeque<Gap>,
     succession: Succession,
     /// Turn and time (us) of the last scans made in even succession.
     history: VecDeque<(i64, i64)>,
@@ -126,6 +137,24 @@ struct Newest {
     tick: u32,
     us: i64,
     arrival_raw_ns: Option<i64>,
+}
+
+/// Scans that are missing between two, which both are there.
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    counter: u16,
+    us: i64,
+    end_counter: u16,
+    end_us: i64,
+}
+
+impl Gap {
+    /// Whether a scan with this count and time belongs here.
+    fn holds(&self, counter: u16, us: i64) -> bool {
+        let turns = self.end_counter.wrapping_sub(self.counter);
+        let turn = counter.wrapping_sub(self.counter);
+        (1..turns).contains(&turn) && self.us < us && us < self.end_us
+    }
 }
 
 /// What tells one scan from another.
@@ -157,6 +186,7 @@ impl Replay {
             session: None,
             newest: None,
             any_arrival: false,
+            connected: false,
             scan: Scan::default(),
         }
     }
@@ -169,6 +199,16 @@ impl Replay {
     /// The scan given last.
     pub fn newest(&self) -> &Scan {
         &self.scan
+    }
+
+    /// The telegrams that follow come on a new connection: the device made them after all that came
+    /// before, but for the newest scan, which it may give again.
+    pub fn new_connection(&mut self) {
+        self.connected = true;
+        if let Some(session) = &mut self.session {
+            let older = session.recent.len().saturating_sub(1);
+            session.recent.drain(..older);
+        }
     }
 
     /// Takes the next telegram, with the host's instant at which its last byte had arrived if that
@@ -198,11 +238,12 @@ impl Replay {
             }
         };
         let mut session = self.session.insert(session);
-        let mut number = session.place(telegram, arrival, &mut self.counts);
+        let connected = std::mem::take(&mut self.connected);
+        let mut number = session.place(telegram, arrival, connected, &mut self.counts);
         if number.is_none() {
             self.counts.restarts += 1;
             session = self.session.insert(Session::new(telegram, first_number));
-            number = session.place(telegram, arrival, &mut self.counts);
+            number = session.place(telegram, arrival, false, &mut self.counts);
         }
         let Some((number, us)) = number else {
             return Ok(None);
@@ -319,6 +360,7 @@ impl Session {
             },
             succession: Succession::new(telegram),
             recent: VecDeque::with_capacity(REMEMBERED + 1),
+            gaps: VecDeque::new(),
             history: VecDeque::with_capacity(PERIOD_SCANS + 2),
             hull: OneWayHull::default(),
             utc_minus_raw_ns: 0,
@@ -352,11 +394,32 @@ impl Session {
         self.recent.push_back(key);
     }
 
+    fn note_gap(&mut self, telegram: &LmdScandata, us: i64) {
+        if self.gaps.len() == GAPS {
+            self.gaps.pop_front();
+        }
+        self.gaps.push_back(Gap {
+            counter: self.newest.counter,
+            us: self.newest.us,
+            end_counter: telegram.scan_counter,
+            end_us: us,
+        });
+    }
+
+    /// Whether a scan that comes after a newer one is one of those that were missed. Who polls is
+    /// answered in turn.
+    fn was_missed(&self, telegram: &LmdScandata, us: i64) -> bool {
+        let holds = |gap: &Gap| gap.holds(telegram.scan_counter, us);
+        !telegram.polled && self.gaps.iter().rev().any(holds)
+    }
+
     /// The scan's number and its time since start-up, us; none if the device has restarted.
+    /// `connected` says that it is the first one of a connection.
     fn place(
         &mut self,
         telegram: &LmdScandata,
         arrival: Option<HostInstant>,
+        connected: bool,
         counts: &mut Counts,
     ) -> Option<(i64, i64)> {
         let last = self.newest;
@@ -366,8 +429,13 @@ impl Session {
             _ => None,
         };
         let is_first = self.ticks.newest_us().is_none();
-        let us = match self.ticks.push(telegram.scan_tick_us, elapsed_us) {
+        let tick = match connected {
+            true => self.ticks.push_connected(telegram.scan_tick_us, elapsed_us),
+            false => self.ticks.push(telegram.scan_tick_us, elapsed_us),
+        };
+        let us = match tick {
             Tick::Restart(_) => return None,
+            Tick::Late(us) if !self.was_missed(telegram, us) => return None,
             Tick::Late(us) => {
                 counts.late += 1;
                 let behind = last.counter.wrapping_sub(telegram.scan_counter);
@@ -389,6 +457,9 @@ impl Session {
                     missing,
                 } => {
                     counts.missing += missing;
+                    if scans > 1 {
+                        self.note_gap(telegram, us);
+                    }
                     number += scans;
                     turn += turns;
                 }

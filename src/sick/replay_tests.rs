@@ -110,6 +110,78 @@ fn a_restart_and_another_device_begin_anew() {
 }
 
 #[test]
+fn a_restart_that_sets_the_clock_back_by_little_is_no_late_scan() {
+    for connects in [false, true] {
+        let mut replay = Replay::new(Settings::default());
+        // Seen from its start on for 7 s, then off for 0.8 s.
+        let (count, again_us) = (175, 7_817_500);
+        let (least_us, begin_ns) = (150, 1_700_000_000_000_000_000);
+        let mut last_ns = 0;
+        for k in 0..2 * count {
+            let number = k % count;
+            let start_us = if k < count { 0 } else { again_us };
+            if k == count && connects {
+                replay.new_connection();
+            }
+            let sent_us = start_us + 40_100 * i64::from(number) + 40_000;
+            let arrival_ns = begin_ns + (sent_us + least_us) * 1000;
+            let scan = push(&mut replay, &telegram(0, number), Some(arrival_ns)).unwrap();
+            // 0.8 s without scans: 20 are missing, by the time.
+            assert_eq!(scan.seq, u32::from(k) + if k < count { 0 } else { 20 });
+            assert!(scan.stamp.ns() > last_ns);
+            last_ns = scan.stamp.ns();
+            let index_ns = begin_ns + (start_us + 40_100 * i64::from(number) + least_us) * 1000;
+            assert!((scan.stamp.ns() - index_ns).abs() < 1000, "{k}");
+        }
+        let counts = replay.counts();
+        assert_eq!((counts.restarts, counts.late, counts.repeated), (1, 0, 0));
+        assert_eq!((counts.missing, counts.estimated), (0, 20));
+    }
+}
+
+#[test]
+fn a_scan_that_was_missed_and_comes_seconds_late_is_no_restart() {
+    let mut replay = Replay::new(Settings::default());
+    let mut last_seq = 0;
+    // Numbers 20 to 29 are overtaken by all up to 120, which are 3.6 s.
+    for number in (0..20).chain(30..120).chain(20..30).chain(120..200) {
+        let scan = push(&mut replay, &telegram(1000, number), None).unwrap();
+        assert_eq!(scan.seq, u32::from(number));
+        assert_eq!(
+            scan.device,
+            Some(Stamp::from_ns(1_000_000 + 40_100_000 * i64::from(number)))
+        );
+        last_seq = scan.seq;
+    }
+    let counts = replay.counts();
+    assert_eq!((last_seq, counts.late, counts.restarts), (199, 10, 0));
+    // Restarted after these losses: the count fits no gap at the time that the device tells.
+    for number in 0..40 {
+        push(&mut replay, &telegram(4_000_000, number), None).unwrap();
+    }
+    assert_eq!((replay.counts().late, replay.counts().restarts), (10, 1));
+}
+
+#[test]
+fn a_poller_gets_the_newest_scan_again_and_no_late_one() {
+    let mut replay = Replay::new(Settings::default());
+    let polled = |number| LmdScandata {
+        polled: true,
+        ..telegram(0, number)
+    };
+    for number in [10, 60, 110] {
+        assert!(push(&mut replay, &polled(number), None).is_some());
+    }
+    replay.new_connection();
+    assert!(push(&mut replay, &polled(110), None).is_none());
+    assert!(push(&mut replay, &polled(120), None).is_some());
+    assert_eq!((replay.counts().repeated, replay.counts().restarts), (1, 0));
+    // Its times would fit between those of two polls.
+    assert!(push(&mut replay, &polled(30), None).is_some());
+    assert_eq!((replay.counts().late, replay.counts().restarts), (0, 1));
+}
+
+#[test]
 fn arrival_times_give_the_hosts_time_by_the_earliest() {
     let epoch = 1_600_000_000_000_000_000;
     let mut replay = Replay::new(Settings {

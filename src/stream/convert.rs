@@ -236,6 +236,9 @@ impl KindVisitor for Open<'_> {
     }
 }
 
+/// The lanes of one file.
+pub type Lanes = Vec<Box<dyn Lane>>;
+
 /// The lanes of a file: all kinds of an MCAP, or one of a text; that of TUM, EuRoC and bare
 /// trajectories may be any of poses, truth and desired. `kind` chooses; none takes what is there.
 /// And what of the file is in no lane.
@@ -247,7 +250,7 @@ pub fn lanes(
     encoding: Encoding,
     kind: Option<Kind>,
     options: &Options,
-) -> anyhow::Result<(Vec<Box<dyn Lane>>, Option<Loss>)> {
+) -> anyhow::Result<(Lanes, Option<Loss>)> {
     let open = |kind: Kind| kind.call(Open { path, options });
     if encoding != Encoding::Mcap {
         return Ok((vec![open(kind.unwrap_or(Kind::Truth))?], None));

@@ -32,12 +32,15 @@ pub(super) enum RowError {
     Fatal(anyhow::Error),
 }
 
+/// Lines without their line feeds.
+type Remarks = Vec<Vec<u8>>;
+
 /// Remarks above the header that are kept, bytes; the rest is passed over.
 const MOST_REMARKS: u64 = 1 << 20;
 
 /// Takes the remarks off the beginning of a text: the lines that start with `#`, without their line
 /// feeds, and the text that is left.
-pub(super) fn take_remarks(text: Box<dyn Read>) -> io::Result<(Vec<Vec<u8>>, Box<dyn Read>)> {
+pub(super) fn take_remarks(text: Box<dyn Read>) -> io::Result<(Remarks, Box<dyn Read>)> {
     let mut text = BufReader::new(text);
     let mut remarks = Vec::new();
     let mut room = MOST_REMARKS;

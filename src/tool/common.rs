@@ -85,7 +85,8 @@ impl CommonArgs {
                 to: self.to,
             },
             meta: self.meta
-                || std::env::var_os("CABLEPOSE_META").is_some_and(|set| set != "" && set != "0"),
+                || std::env::var_os("CABLEPOSE_META")
+                    .is_some_and(|set| !set.is_empty() && set != "0"),
             quiet: self.quiet,
             verbose: self.verbose,
             seed: None,

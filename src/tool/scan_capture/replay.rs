@@ -183,6 +183,7 @@ impl Decoding {
         framer.end();
         self.drain(framer)?;
         self.telegrams += framer.telegrams();
+        self.replay.new_connection();
         *framer = Framer::at(framer.bytes());
         Ok(())
     }

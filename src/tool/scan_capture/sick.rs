@@ -382,6 +382,7 @@ impl Scanner for Sick {
         self.polled = None;
         self.unanswered = None;
         self.scans_on_line = 0;
+        self.replay.new_connection();
         let mut client = self.connect().map_err(fault)?;
         let first = !self.answered;
         self.answered = true;

@@ -120,6 +120,8 @@ pub(super) struct Poller {
     number: u64,
     ticks: TickUnwrapper,
     last_raw_ns: Option<i64>,
+    /// The next answer is the first of a connection.
+    connected: bool,
     telegram: LmdScandata,
     request_bytes: u32,
     pub counts: Counts,
@@ -153,6 +155,7 @@ impl Poller {
             number: 0,
             ticks: TickUnwrapper::default(),
             last_raw_ns: None,
+            connected: false,
             telegram: LmdScandata::default(),
             request_bytes: 0,
             counts: Counts::default(),
@@ -198,6 +201,7 @@ impl Poller {
                         return Ok(None);
                     };
                     *client = again;
+                    self.connected = true;
                     client.set_spin(self.spin);
                 }
                 Err(error) => return Err(fault(error)),
@@ -292,7 +296,10 @@ impl Poller {
         let raw_ns = reply.first.raw_ns;
         let elapsed_us = self.last_raw_ns.map(|last| (raw_ns - last) / 1000);
         self.last_raw_ns = Some(raw_ns);
-        let tick = self.ticks.push(tick, elapsed_us);
+        let tick = match std::mem::take(&mut self.connected) {
+            true => self.ticks.push_connected(tick, elapsed_us),
+            false => self.ticks.push(tick, elapsed_us),
+        };
         self.counts.restarts += u64::from(matches!(tick, Tick::Restart(_)));
         Stamp::from_ns(tick.us().saturating_mul(1000))
     }
