@@ -60,6 +60,13 @@ pub fn evaluate(runs: Vec<Run>, reference: &Reference, settings: &Settings) -> V
             cases.push(case);
         }
     }
+    if let (Some(asked_m), Some(layout)) = (settings.cell_m, layout)
+        && asked_m != layout.size_m[0]
+    {
+        let got_m = layout.size_m[0];
+        let note = format!("cells of {asked_m} m would be too many; they are of {got_m} m");
+        cases.iter_mut().for_each(|c| c.notes.push(note.clone()));
+    }
     cases
 }
 

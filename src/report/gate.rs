@@ -91,7 +91,7 @@ impl Gate {
             .ok_or_else(|| fail("no < or > in it"))?;
         let (left, right) = text.split_at(at);
         let above = right.starts_with('>');
-        let right = right.trim_start_matches(['<', '>']);
+        let right = &right[1..];
         let (or_equal, limit) = match right.strip_prefix('=') {
             Some(rest) => (true, rest),
             None => (false, right),
@@ -230,6 +230,8 @@ mod tests {
             ("x.rms_mm", "no < or >"),
             ("x.rms_mm>", "not a number"),
             ("x.rms_mm>4mm", "not a number"),
+            ("x.rms_mm>>4", "not a number"),
+            ("x.rms_mm<>4", "not a number"),
             ("x.rms>4", "no statistic 'x.rms'"),
             ("x.rms_mm>inf", "not a number"),
             (">4", "no statistic ''"),

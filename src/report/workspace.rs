@@ -5,6 +5,8 @@ pub const CELL_AXES: [usize; 6] = [0, 1, 2, 5, 3, 4];
 
 /// Most cells a layout has, so that a page stays small and a cell can be seen.
 const MAX_CELLS: usize = 200;
+/// Most cells of a size that was asked for: each takes memory, whether anything falls into it or not.
+const MAX_ASKED: usize = 100_000;
 /// Poses that a cell should hold on average.
 const WANTED: usize = 10;
 /// Poses below which a cell of a moving run says nothing.
@@ -28,8 +30,9 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Cells for reference positions (y, z) in m: of `size_m` if given, else of a grid's own step (or
-    /// a multiple of it), else of a round size. None for no positions.
+    /// Cells for reference positions (y, z) in m: of `size_m` if given (doubled until there are no more
+    /// than a hundred thousand), else of a grid's own step (or a multiple of it), else of a round size.
+    /// None for no positions.
     pub fn for_positions(positions: &[[f64; 2]], size_m: Option<f64>) -> Option<Layout> {
         let spans = [span(positions, 0)?, span(positions, 1)?];
         let grid = [grid_step(positions, 0), grid_step(positions, 1)];
@@ -38,7 +41,10 @@ impl Layout {
             _ => FEW,
         };
         if let Some(size) = size_m.filter(|s| s.is_finite() && *s > 0.0) {
-            return Some(Layout::around(spans, [size; 2], grid, few));
+            return std::iter::successors(Some(size), |size| Some(2.0 * size))
+                .take_while(|size| size.is_finite())
+                .map(|size| Layout::around(spans, [size; 2], grid, few))
+                .find(|l| l.cells() <= MAX_ASKED && l.origin_m.iter().all(|v| v.is_finite()));
         }
         if let [Some(y), Some(z)] = grid {
             let layouts = (1..).map(|k| {
@@ -59,7 +65,11 @@ impl Layout {
     }
 
     fn is_small(&self) -> bool {
-        self.count[0].saturating_mul(self.count[1]) <= MAX_CELLS
+        self.cells() <= MAX_CELLS
+    }
+
+    fn cells(&self) -> usize {
+        self.count[0].saturating_mul(self.count[1])
     }
 
     /// Cells that cover `spans`: half a step beyond a grid's first line, or from a whole multiple of
@@ -321,6 +331,12 @@ mod tests {
             [8, 4]
         );
         assert_eq!(Layout::for_positions(&[], None), None);
+        // Cells that no memory has room for become larger ones; a size beyond all numbers is none.
+        for asked in [1e-9, 1e-3, f64::MIN_POSITIVE] {
+            let fine = Layout::for_positions(&positions, Some(asked)).unwrap();
+            assert!(fine.cells() <= MAX_ASKED && fine.cells() > MAX_ASKED / 8);
+            assert!(positions.iter().all(|p| fine.index(*p).is_some()));
+        }
         assert_eq!(
             Layout::for_positions(&[[1.0, 2.0]], None).unwrap().count,
             [1, 1]

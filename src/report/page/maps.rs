@@ -75,7 +75,7 @@ fn maps() -> Vec<Map> {
 }
 
 /// Cells of the maps of one page, whatever the number of maps: of one run's, and of several.
-const PAGE_CELLS: [usize; 2] = [1800, 1200];
+const PAGE_CELLS: [usize; 2] = [1800, 800];
 
 /// The maps of all runs.
 pub(super) struct Maps {

@@ -187,7 +187,7 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
             first: first.stamp,
             last: last.stamp,
             poses: inside.len(),
-            left_out: within.count() - inside.len(),
+            left_out: within.count().saturating_sub(inside.len()),
             components,
             correction: desired.and_then(|d| correction(d, &inside, &components)),
         });

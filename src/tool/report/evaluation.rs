@@ -35,7 +35,7 @@ pub struct EvaluationArgs {
     #[arg(long = "zone", value_name = "[NAME=]CONDITION")]
     zones: Vec<Zone>,
     /// Size of the workspace's cells, m [default: from the data]
-    #[arg(long, value_name = "SIZE")]
+    #[arg(long, value_name = "SIZE", value_parser = parse_cell)]
     cell_m: Option<f64>,
     /// Leave cells of the workspace with fewer poses empty [default: 3; of a grid 1]
     #[arg(long, value_name = "N")]
@@ -100,6 +100,12 @@ fn parse_pairs(text: &str) -> Result<Pairs, String> {
         "all" => Ok(Pairs::All),
         _ => Err("consecutive or all is wanted".to_owned()),
     }
+}
+
+fn parse_cell(text: &str) -> Result<f64, String> {
+    let size: Option<f64> = text.parse().ok();
+    size.filter(|m| m.is_finite() && *m > 0.0)
+        .ok_or_else(|| "a size above 0 is wanted, in m".to_owned())
 }
 
 /// An IMU's record, for either use.

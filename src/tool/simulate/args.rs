@@ -63,7 +63,7 @@ EXAMPLES
     mkfifo imu.fifo; simulate -f frame.toml --imu imu.fifo --truth truth.csv \\
       | extract-lines -f frame.toml | solve-pose -f frame.toml --imu imu.fifo > poses.csv
   A robot on two loops whose upper pulleys are not where its controller believes them to be:
-    simulate -f frame.toml --trajectory loop --robot robot.toml --robot-real real.toml --loops 2 \
+    simulate -f frame.toml --trajectory loop --robot robot.toml --robot-real real.toml --loops 2 \\
       --truth truth.csv --desired desired.csv > scans.csv
   An office and its true lines, for extract-lines and report lines:
     simulate --scene office --view lms500 --n-scans 20 --truth true.csv > office.csv
