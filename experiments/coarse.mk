@@ -25,7 +25,7 @@ $(COARSE)/published.csv: $(COARSE)/scans.mcap
 $(COARSE)/all-on.csv: $(COARSE)/scans.mcap
 	extract-lines -q -f $(FRAME) $< | solve-pose -q -f $(FRAME) $(COARSE_IMU) -o $@
 
-$(COARSE)/report.txt: $(foreach m,coarse published all-on,$(COARSE)/$m.csv) row.py
+$(COARSE)/report.txt: $(foreach m,coarse published all-on,$(COARSE)/$m.csv) $(OUT)/bound.json row.py
 	report -q --truth $(@D)/truth.csv --html $(@D)/report.html --title 'Coarse lines against the whole way' \
 		$(filter %.csv,$^) > $@
 	report -q --truth $(@D)/truth.csv --json $(filter %.csv,$^) > $(@D)/report.json
@@ -35,4 +35,4 @@ $(COARSE)/report.txt: $(foreach m,coarse published all-on,$(COARSE)/$m.csv) row.
 	$(PYTHON) row.py $(OUT) fig-5-15 'whole method: "better"' \
 		'y {$(@D)/report.json:published:y.rms_mm:1}, z {$(@D)/report.json:published:z.rms_mm:1} mm rms, max {$(@D)/report.json:published:y.max_mm:0}, {$(@D)/report.json:published:z.max_mm:0} mm' \
 		'y {$(@D)/report.json:all-on:y.rms_mm:2}, z {$(@D)/report.json:all-on:z.rms_mm:2} mm rms, max {$(@D)/report.json:all-on:y.max_mm:1}, {$(@D)/report.json:all-on:z.max_mm:1} mm' \
-		'y 0.42, z 0.63 mm rms'
+		'y $(call bound,remission.y_rms_mm,2), z $(call bound,remission.z_rms_mm,2) mm rms'

@@ -27,5 +27,5 @@ fig-3-13: $(YAW)/report.txt
 $(YAW)/report.txt: $(FRAME) yaw_range.py yaw_row.py
 	@mkdir -p $(@D)
 	$(PYTHON) yaw_range.py $(FRAME) $(@D)/yaw-range.csv > $@
-	report frame $(FRAME) --html $(@D)/report.html > $(@D)/frame.txt
+	! report --help | grep -q '^  frame ' || report frame $(FRAME) --html $(@D)/report.html > $(@D)/frame.txt
 	$(PYTHON) yaw_row.py $(@D)/yaw-range.csv $(OUT)

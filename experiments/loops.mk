@@ -38,13 +38,13 @@ $(LOOPS)/%/scans.mcap: $(FRAME)
 %/published.csv: %/delay-published.json %/measured-published.csv
 	compensate-delay -q --delay-from $< --stamps used --motion $*/desired.csv $*/measured-published.csv -o $@
 
-$(LOOPS)/%/report.txt: $(LOOPS)/%/published.csv $(LOOPS)/%/all-on.csv row.py
+$(LOOPS)/%/report.txt: $(LOOPS)/%/published.csv $(LOOPS)/%/all-on.csv $(OUT)/bound.json row.py
 	report -q --desired $(@D)/desired.csv --imu $(@D)/imu.csv --html $(@D)/report.html \
 		--title 'Loops, $*: 60 ms of delay taken out' --json $(filter %.csv,$^) > $(@D)/report.json
 	$(PYTHON) row.py $(OUT) $(ROW_$*) \
 		'y {$(@D)/report.json:published:y.max_mm:0}, z {$(@D)/report.json:published:z.max_mm:0} mm (max)' \
 		'y {$(@D)/report.json:all-on:y.max_mm:1}, z {$(@D)/report.json:all-on:z.max_mm:1} mm (max), {$(@D)/report.json:all-on:y.rms_mm:2}, {$(@D)/report.json:all-on:z.rms_mm:2} mm rms; delay {$(@D)/delay.json::delay_s:5} s' \
-		'y 0.42, z 0.63 mm rms; 0.06 s'
+		'y $(call bound,remission.y_rms_mm,2), z $(call bound,remission.z_rms_mm,2) mm rms; delay 0.06 s'
 	test $* != slow || $(PYTHON) row.py $(OUT) fig-5-23 'votes 5 or more (but once), yaw below 1 deg' \
 		'x {$(@D)/report.json:published:x.max_mm:0} mm, yaw {$(@D)/report.json:published:yaw.max_deg:2} deg (max), {$(@D)/report.json:published:scans.votes.mean:1} votes on average' \
 		'x {$(@D)/report.json:all-on:x.max_mm:0} mm, yaw {$(@D)/report.json:all-on:yaw.max_deg:2} deg (max), x {$(@D)/report.json:all-on:x.rms_mm:1} mm rms' \
@@ -67,7 +67,7 @@ $(LIVE)/measured.csv: $(LOOPS)/fast/scans.mcap live live_stamps.py
 	FRAME=$(FRAME) PYTHON=$(PYTHON) ./live $(@D) $$(($$(wc -l < $(LOOPS)/fast/truth.csv) - 6)) \
 		$(RUN_fast) --effects $(LOOPS_EFFECTS)
 
-$(LIVE)/report.txt: $(LIVE)/all-on.csv row.py
+$(LIVE)/report.txt: $(LIVE)/all-on.csv $(OUT)/bound.json row.py
 	$(PYTHON) -c 'import json, sys; d = json.load(open("$(LIVE)/delay.json"))["delay_s"]; \
 		sys.exit(f"delay {d} s" if abs(d - 0.06) > $(LIVE_DELAY_MS)e-3 else 0)'
 	report -q --desired $(LIVE)/desired.csv --html $(LIVE)/report.html --title 'Fast loops, live' \
@@ -75,4 +75,4 @@ $(LIVE)/report.txt: $(LIVE)/all-on.csv row.py
 	report -q --desired $(LIVE)/desired.csv --json $< > $(LIVE)/report.json
 	$(PYTHON) row.py $(OUT) fig-5-22-live 'y, z 40 mm (max)' '' \
 		'y {$(LIVE)/report.json:all-on:y.max_mm:1}, z {$(LIVE)/report.json:all-on:z.max_mm:1} mm (max), {$(LIVE)/report.json:all-on:y.rms_mm:2}, {$(LIVE)/report.json:all-on:z.rms_mm:2} mm rms; delay {$(LIVE)/delay.json::delay_s:4} s' \
-		'y 0.42, z 0.63 mm rms; 0.06 s'
+		'y $(call bound,remission.y_rms_mm,2), z $(call bound,remission.z_rms_mm,2) mm rms; delay 0.06 s'

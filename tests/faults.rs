@@ -10,7 +10,6 @@ use cablepose::link::emulation::Conditions;
 use cablepose::twincat::emulator::{Plc, Service, SharedPlc};
 use shell::{TOOLS, scratch, sh, testdata};
 use stages::{Ended, LONG, Scanner, Stage, column, lines_of, rows, wait_for};
-use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -74,6 +73,10 @@ fn a_plc() -> (SharedPlc, Service) {
     (plc, service)
 }
 
+fn length(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |found| found.len())
+}
+
 #[track_caller]
 fn more_writes(plc: &SharedPlc, more: u64) {
     let before = plc.lock().writes(SYMBOL);
@@ -89,6 +92,8 @@ fn a_stage_that_is_killed_ends_the_chain() {
         let (plc, service) = a_plc();
         let chain = Chain::start(&dir, &scanner.place, &service.target(&plc));
         more_writes(&plc, 20);
+        // A recording stays in memory for up to a second.
+        wait_for("the recording", || length(&dir.join("run.cola")) > 0);
         let killed = chain.stages[victim].0;
         chain.stages[victim].1.signal("KILL");
         for (k, (name, ended)) in chain.end().into_iter().enumerate() {
@@ -123,8 +128,13 @@ fn a_stage_that_is_killed_ends_the_chain() {
         // So is the recording, up to its last whole telegram.
         let replay = sh(&dir, "scan-capture --replay run.cola --skip-bad -q");
         assert!(matches!(replay.status, 0 | 3), "{}", replay.stderr);
-        let kept: BTreeSet<i64> = column(replay.text(), "seq").into_iter().collect();
-        assert!(seqs.iter().all(|seq| kept.contains(seq)), "after {killed}");
+        let kept = column(replay.text(), "seq");
+        let both = match victim {
+            0 => kept.len().min(seqs.len()),
+            _ => seqs.len(),
+        };
+        assert!(both > 5, "{both} after {killed}");
+        assert_eq!(seqs[..both], kept[..both], "after {killed}");
     }
 }
 
@@ -175,7 +185,7 @@ fn files_of_killed_stages_are_readable_to_the_last_whole_record() {
         let capture = Stage::start(&dir, &line, Stdio::null(), Stdio::null());
         // Of MCAP a chunk, which is closed after a second.
         wait_for("records", || {
-            fs::metadata(&partial).is_ok_and(|found| found.len() > 50_000)
+            length(&partial) > 50_000 && length(&dir.join(format!("{format}.cola"))) > 0
         });
         capture.signal("KILL");
         assert_eq!(capture.end().signal, Some(SIGKILL));
@@ -196,9 +206,9 @@ fn files_of_killed_stages_are_readable_to_the_last_whole_record() {
             &format!("scan-capture --replay {format}.cola --skip-bad -q"),
         );
         let recorded = column(recorded.text(), "seq");
-        // The recording was written first, and is not held back as long.
-        assert!(read.len() > 5, "{} of {}", read.len(), recorded.len());
-        assert_eq!(read[..], recorded[..read.len()]);
+        let both = read.len().min(recorded.len());
+        assert!(both > 5, "{} and {}", read.len(), recorded.len());
+        assert_eq!(read[..both], recorded[..both]);
         if format == "csv" {
             assert_eq!(read.len(), rows(&partial));
         }
@@ -409,7 +419,9 @@ fn every_tool_ends_quietly_when_its_reader_leaves() {
         let ended = stage.end();
         let right = matches!(ended.status, Some(0 | 3)) && !ended.stderr.contains("roken pipe");
         assert!(right, "{}: {:?} {}", tool.line, ended.status, ended.stderr);
-        feeder.map(|feeder| feeder.join().unwrap());
+        if let Some(feeder) = feeder {
+            feeder.join().unwrap();
+        }
     }
 }
 

@@ -210,6 +210,8 @@ fn pages() -> Vec<Page> {
         Page::of_subcommand::<tool::ads_push::Args>("check", &[0, 2, 69, 74, 78]),
         Page::of_subcommand::<tool::ads_push::Args>("list", &[0, 2, 69, 74]),
         Page::of::<tool::report::Args>(&[0, 2, 3, 4, 65, 66, 74], &["solve-pose", "simulate"]),
+        Page::of_subcommand::<tool::report::Args>("diff", &[0, 2, 4, 65, 66, 74]),
+        Page::of_subcommand::<tool::report::Args>("convert", &[0, 2, 3, 65, 66, 74]),
         Page::of_subcommand::<tool::report::Args>("frame", &[0, 2, 4, 66, 74, 78]),
         Page::of_subcommand::<tool::report::Args>("scan", &[0, 2, 3, 65, 66, 74, 78]),
         Page::of_subcommand::<tool::report::Args>("static", &[0, 2, 3, 4, 65, 66, 74]),

@@ -28,6 +28,8 @@ const RATE: u64 = 100;
 /// On average so far apart, s.
 const SCANNER_FAULTS_APART_S: f64 = 3.0;
 const OTHER_FAULTS_APART_S: f64 = 2.0;
+/// No scanner restarts sooner after it has started, s.
+const LEAST_UPTIME_S: f64 = 20.0;
 /// What the sockets between may hold when a connection breaks, in scans.
 const IN_FLIGHT: u64 = 600;
 /// No stage needs more memory than this, kB.
@@ -53,10 +55,18 @@ impl Dice {
 fn scanner_faults(dice: &mut Dice, span_s: f64) -> String {
     let mut faults =
         "drop=0.003,flip=0.003,cut=0.003,repeat=0.003,garbage=0.01,chunk=1..1448".to_owned();
-    let mut at_s = 2.0;
+    let (mut at_s, mut rebooted_s) = (2.0, f64::NEG_INFINITY);
     while at_s < span_s {
         let lasts_ms = dice.between(50.0, 1500.0).round();
-        let what = *dice.one_of(&["stall", "blackhole", "reboot", "reset"]);
+        let mut what = *dice.one_of(&["stall", "blackhole", "reboot", "reset"]);
+        if what == "reboot" {
+            // A clock that goes back by less than 10 s is taken for telegrams that were overtaken.
+            if at_s - rebooted_s < LEAST_UPTIME_S {
+                what = "reset";
+            } else {
+                rebooted_s = at_s;
+            }
+        }
         let lasting = if what == "reset" {
             String::new()
         } else {
@@ -109,7 +119,7 @@ fn nothing_is_lost_that_is_not_counted() {
         &dir,
         "127.0.0.1:0",
         &format!(
-            "--model lms511-sr --frequency-hz {RATE} --resolution-deg 1 --n-scans 200000 -v \
+            "--model lms511-sr --frequency-hz {RATE} --resolution-deg 1 --uptime-s 3600 --n-scans 200000 -v \
              --seed {seed} --faults {faults}"
         ),
     );

@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_ads_push_global_optspecs
-    string join \n fields= layout= missing= every stale= wait= stamp-push dry-run local-net-id= timeout= read= read-fields= read-layout= read-to= read-period= poll= read-time= n/count= add-route route-credentials= route-host= route-name= route-temporary route-port= o/output= format= input-format= skip-bad from= to= q/quiet v/verbose h/help V/version
+    string join \n fields= layout= missing= every stale= wait= stamp-push dry-run local-net-id= timeout= read= read-fields= read-layout= read-to= read-period= poll= read-time= n/count= add-route route-credentials= route-host= route-name= route-temporary route-port= o/output= format= input-format= skip-bad from= to= meta q/quiet v/verbose h/help V/version
 end
 
 function __fish_ads_push_needs_command
@@ -57,6 +57,7 @@ complete -c ads-push -n "__fish_ads_push_needs_command" -l dry-run -d 'Print the
 complete -c ads-push -n "__fish_ads_push_needs_command" -l add-route -d 'First ask the controller for a route to this host; without SYMBOL that is all'
 complete -c ads-push -n "__fish_ads_push_needs_command" -l route-temporary -d 'The controller forgets the route when it restarts'
 complete -c ads-push -n "__fish_ads_push_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c ads-push -n "__fish_ads_push_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c ads-push -n "__fish_ads_push_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c ads-push -n "__fish_ads_push_needs_command" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c ads-push -n "__fish_ads_push_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'

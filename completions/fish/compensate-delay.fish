@@ -26,6 +26,7 @@ complete -c compensate-delay -l input-format -d 'Encoding of the input: csv, mca
 complete -c compensate-delay -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
 complete -c compensate-delay -l to -d 'Leave out records after TIME; now: carry to the host\'s time at which a pose is written' -r
 complete -c compensate-delay -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c compensate-delay -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c compensate-delay -s q -l quiet -d 'No progress bar and no remarks'
 complete -c compensate-delay -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c compensate-delay -s h -l help -d 'Print help (see more with \'--help\')'

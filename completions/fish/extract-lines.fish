@@ -59,6 +59,7 @@ complete -c extract-lines -l smooth -d 'self: the motion in hindsight, from the 
 complete -c extract-lines -l explain -d 'Write what became of every beam, a row a beam, instead of the lines'
 complete -c extract-lines -l coarse -d 'Stop after the transform, whose best cells are the lines: no edges, y and z to a cell\'s height (Kurniawan 2017, Fig. 5.14); with a frame'
 complete -c extract-lines -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c extract-lines -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c extract-lines -s q -l quiet -d 'No progress bar and no remarks'
 complete -c extract-lines -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c extract-lines -s h -l help -d 'Print help (see more with \'--help\')'

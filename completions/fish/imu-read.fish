@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_imu_read_global_optspecs
-    string join \n n/n-samples= for= command= quantities= instant poll= axes= f/frame= accel-sign= quaternion= gains= sigma-tilt-deg= sigma-yaw-deg= sigma-gyro-rad-s= sigma-accel-m-s2= baud= rs485-address= wait= tee= tee-rotate= leave-streaming o/output= format= input-format= skip-bad from= to= q/quiet v/verbose h/help V/version
+    string join \n n/n-samples= for= command= quantities= instant poll= axes= f/frame= accel-sign= quaternion= gains= sigma-tilt-deg= sigma-yaw-deg= sigma-gyro-rad-s= sigma-accel-m-s2= baud= rs485-address= wait= tee= tee-rotate= leave-streaming o/output= format= input-format= skip-bad from= to= meta q/quiet v/verbose h/help V/version
 end
 
 function __fish_imu_read_needs_command
@@ -54,6 +54,7 @@ complete -c imu-read -n "__fish_imu_read_needs_command" -l to -d 'Leave out reco
 complete -c imu-read -n "__fish_imu_read_needs_command" -l instant -d 'With --quantities: as the sensors have them at each instant, not gyro-stabilised'
 complete -c imu-read -n "__fish_imu_read_needs_command" -l leave-streaming -d 'Leave the unit streaming at the end'
 complete -c imu-read -n "__fish_imu_read_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c imu-read -n "__fish_imu_read_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c imu-read -n "__fish_imu_read_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c imu-read -n "__fish_imu_read_needs_command" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c imu-read -n "__fish_imu_read_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -96,6 +97,7 @@ complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -l no-times -d
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -l packets -d 'Print every reply of any command, word by word, instead of samples'
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -l instant -d 'With --quantities: as the sensors have them at each instant, not gyro-stabilised'
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c imu-read -n "__fish_imu_read_using_subcommand replay" -s h -l help -d 'Print help (see more with \'--help\')'

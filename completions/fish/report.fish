@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_report_global_optspecs
-    string join \n truth= desired= merge association= max-diff= align= delay= rpe= rpe-pairs= zone= cell-m= min-count= imu= f/frame= lines= fail-if= json html= svg= png= maps= title= cells ascii o/output= input-format= skip-bad from= to= q/quiet v/verbose format= h/help V/version
+    string join \n truth= desired= merge association= max-diff= align= delay= rpe= rpe-pairs= zone= cell-m= min-count= imu= f/frame= lines= fail-if= json csv markdown latex export= html= svg= png= maps= title= cells ascii o/output= input-format= skip-bad from= to= meta q/quiet v/verbose format= h/help V/version
 end
 
 function __fish_report_needs_command
@@ -39,6 +39,7 @@ complete -c report -n "__fish_report_needs_command" -l imu -d 'A record of the I
 complete -c report -n "__fish_report_needs_command" -s f -l frame -d 'Frame file, for how the IMU is mounted [default: level]' -r -F
 complete -c report -n "__fish_report_needs_command" -l lines -d 'The lines that the poses were made from: residuals and points by face, strips seen' -r -F
 complete -c report -n "__fish_report_needs_command" -l fail-if -d 'End with status 4 if the condition holds, as \'x.rms_mm>4.1\' or \'joint:yaw.p95_deg>0.2\'; several allowed' -r
+complete -c report -n "__fish_report_needs_command" -l export -d 'Write the runs as they were compared (aligned, without the delay, where that is asked for) and the reference to DIR/NAME.tum or .euroc, for other kits' -r
 complete -c report -n "__fish_report_needs_command" -l html -d 'Write a page with figures' -r -F
 complete -c report -n "__fish_report_needs_command" -l svg -d 'Write each figure as an SVG file into a directory, which is made if need be (error-x.svg, ..)' -r -F
 complete -c report -n "__fish_report_needs_command" -l png -d 'Write each figure as a PNG file into a directory, which is made if need be' -r -F
@@ -51,14 +52,20 @@ complete -c report -n "__fish_report_needs_command" -l to -d 'Leave out records 
 complete -c report -n "__fish_report_needs_command" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
 complete -c report -n "__fish_report_needs_command" -l merge -d 'Files with the same NAME= in front, and those without one, are parts of one run, as those of simulate --shard: together they are what the whole run would have been'
 complete -c report -n "__fish_report_needs_command" -l json -d 'Print JSON in place of the table'
-complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y and z too'
+complete -c report -n "__fish_report_needs_command" -l csv -d 'Print every number as CSV: run,zone,axis,statistic,value'
+complete -c report -n "__fish_report_needs_command" -l markdown -d 'Print the errors, the runs side by side and where they come from in Markdown'
+complete -c report -n "__fish_report_needs_command" -l latex -d 'Print the errors and the runs side by side in LaTeX (package booktabs)'
+complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y, z, roll and pitch too'
 complete -c report -n "__fish_report_needs_command" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_needs_command" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c report -n "__fish_report_needs_command" -s V -l version -d 'Print version'
 complete -c report -n "__fish_report_needs_command" -a "lines" -d 'Scores extracted lines against the true ones'
+complete -c report -n "__fish_report_needs_command" -a "diff" -d 'Compares two files of records'
+complete -c report -n "__fish_report_needs_command" -a "convert" -d 'Writes records in another encoding, several files into one, one into several'
 complete -c report -n "__fish_report_needs_command" -a "frame" -d 'Draws and checks a frame file, and predicts what scans in it can tell'
 complete -c report -n "__fish_report_needs_command" -a "scan" -d 'Draws scans: beams, reflectors, lines, edges, residuals'
 complete -c report -n "__fish_report_needs_command" -a "static" -d 'Standstills of a run: the mean pose of each, its uncertainty, the way home'
@@ -80,9 +87,34 @@ complete -c report -n "__fish_report_using_subcommand lines" -l format -d 'Encod
 complete -c report -n "__fish_report_using_subcommand lines" -l json -d 'Print JSON in place of the table'
 complete -c report -n "__fish_report_using_subcommand lines" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_using_subcommand lines" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand lines" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_using_subcommand lines" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand lines" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand lines" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand diff" -l tol -d 'Numbers of these columns may be as far apart: in the column\'s unit, or in % of the larger one. NAME may have * for any characters; the last one that fits a column holds' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l ignore -d 'Pass these columns over' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l key -d 'CSV: rows with the same value of this column belong together' -r
+complete -c report -n "__fish_report_using_subcommand diff" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand diff" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand diff" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand diff" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand diff" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand diff" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand diff" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
+complete -c report -n "__fish_report_using_subcommand diff" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c report -n "__fish_report_using_subcommand convert" -l only -d 'Of an MCAP only these records: scans, imu, lines, segments, poses, truth, desired, clock, ..' -r
+complete -c report -n "__fish_report_using_subcommand convert" -s o -l output -d 'Write to FILE (as FILE.partial, renamed at the end) instead of stdout' -r -F
+complete -c report -n "__fish_report_using_subcommand convert" -l format -d 'Encoding of the output: csv, mcap; for poses and trajectories also tum, euroc [default: the input\'s, csv for a source]' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l input-format -d 'Encoding of the input: csv, mcap, tum, euroc [default: told from its first bytes]' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l to -d 'Leave out records after TIME' -r
+complete -c report -n "__fish_report_using_subcommand convert" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand convert" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
+complete -c report -n "__fish_report_using_subcommand convert" -s q -l quiet -d 'No progress bar and no remarks'
+complete -c report -n "__fish_report_using_subcommand convert" -s v -l verbose -d 'Say at the end how many records came and went'
+complete -c report -n "__fish_report_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c report -n "__fish_report_using_subcommand frame" -l y-range -d 'Workspace: y from and to [default: the middle 77 % of the width]' -r
 complete -c report -n "__fish_report_using_subcommand frame" -l z-range -d 'Workspace: z from and to [default: 9 to 73 % of the height]' -r
 complete -c report -n "__fish_report_using_subcommand frame" -l x-range -d 'x of the poses, from and to' -r
@@ -121,6 +153,7 @@ complete -c report -n "__fish_report_using_subcommand scan" -l format -d 'Encodi
 complete -c report -n "__fish_report_using_subcommand scan" -l json -d 'Print JSON in place of the text'
 complete -c report -n "__fish_report_using_subcommand scan" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_using_subcommand scan" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand scan" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_using_subcommand scan" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand scan" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand scan" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -139,6 +172,7 @@ complete -c report -n "__fish_report_using_subcommand static" -l json -d 'Print 
 complete -c report -n "__fish_report_using_subcommand static" -l csv -d 'Print CSV in place of the table, a row a standstill'
 complete -c report -n "__fish_report_using_subcommand static" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_using_subcommand static" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand static" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_using_subcommand static" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand static" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand static" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -160,6 +194,7 @@ complete -c report -n "__fish_report_using_subcommand robot" -l format -d 'Encod
 complete -c report -n "__fish_report_using_subcommand robot" -l json -d 'Print JSON in place of the tables'
 complete -c report -n "__fish_report_using_subcommand robot" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_using_subcommand robot" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c report -n "__fish_report_using_subcommand robot" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c report -n "__fish_report_using_subcommand robot" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c report -n "__fish_report_using_subcommand robot" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c report -n "__fish_report_using_subcommand robot" -s h -l help -d 'Print help (see more with \'--help\')'

@@ -1,6 +1,6 @@
 # Print an optspec for argparse to handle cmd's options that are independent of any subcommand.
 function __fish_scan_capture_global_optspecs
-    string join \n n/n-scans= f/frame= angle-jitter= device= baud= poll= for= wait= configure frequency-hz= resolution-deg= range-deg= echoes= remission= mean-scans= particle-filter= divider= encoder= time-block= start save dry-run password-file= tee= tee-rotate= replay= times= no-times epoch= o/output= format= input-format= skip-bad from= to= q/quiet v/verbose h/help V/version
+    string join \n n/n-scans= f/frame= angle-jitter= device= baud= poll= for= wait= configure frequency-hz= resolution-deg= range-deg= echoes= remission= mean-scans= particle-filter= divider= encoder= time-block= start save dry-run password-file= tee= tee-rotate= replay= times= no-times epoch= o/output= format= input-format= skip-bad from= to= meta q/quiet v/verbose h/help V/version
 end
 
 function __fish_scan_capture_needs_command
@@ -66,6 +66,7 @@ complete -c scan-capture -n "__fish_scan_capture_needs_command" -l save -d 'Keep
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l dry-run -d 'Print the telegrams and connect to nothing'
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l no-times -d 'Take no notice of arrival times beside the recording'
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c scan-capture -n "__fish_scan_capture_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'

@@ -27,8 +27,6 @@ complete -c simulate -l dwell -d 'loop: rest at each end' -r
 complete -c simulate -l wobble-deg -d 'moving: amplitudes of a roll, pitch and yaw that are not desired' -r
 complete -c simulate -l wobble-hz -d 'moving: their frequency' -r
 complete -c simulate -l lag -d 'moving: the truth follows the desired trajectory this much later' -r
-complete -c simulate -l robot -d 'moving: the truth is where the cables of this robot put the platform when its controller, which knows it by this file, wants it on the desired trajectory' -r -F
-complete -c simulate -l robot-real -d 'The robot as it is, where that is not what its controller believes [default: --robot\'s]' -r -F
 complete -c simulate -l model -d 'Scanner model, in place of the frame file\'s' -r
 complete -c simulate -l frequency-hz -d 'Scan frequency [default: the model\'s first mode]' -r
 complete -c simulate -l resolution-deg -d 'Angle from beam to beam [default: the first the frequency goes with]' -r
@@ -42,6 +40,8 @@ complete -c simulate -l imu-rate-hz -d 'IMU samples a second [default: one at ea
 complete -c simulate -l imu-axes -d 'Axes of the IMU samples: platform, or ned as the device sends them' -r
 complete -c simulate -l jobs -d 'Make so many scans side by side; the records are the same for any number, to the byte [default: one a core]' -r
 complete -c simulate -l shard -d 'Make only the I-th of N equal parts of the run, the same bytes as in the whole run (without its header); counted from 1' -r
+complete -c simulate -l robot -d 'moving: the truth is where the cables of this robot put the platform when its controller, which knows it by this file, wants it on the desired trajectory' -r -F
+complete -c simulate -l robot-real -d 'The robot as it is, where that is not what its controller believes [default: --robot\'s]' -r -F
 complete -c simulate -l dilution-pitch-sigma-deg -d 'Standard deviation of the pitch before the scan; 0 is known' -r
 complete -c simulate -l dilution-poses -d 'Poses a cell' -r
 complete -c simulate -l dilution-html -d 'Draw the map as a page' -r -F
@@ -84,6 +84,7 @@ complete -c simulate -l real-time -d 'Give out each scan when it would be comple
 complete -c simulate -l dilution -d 'In place of scans, a map over y and z (--y-range, --z-range, --step-m) of the least standard deviation of each component that a single scan allows, as CSV; poses of a cell are spread over --x-range and --tilt-deg; edges by remission where --effects has it, else by ranges'
 complete -c simulate -l hold -d 'Begin with the trajectory when the first client asks for scans'
 complete -c simulate -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c simulate -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c simulate -s q -l quiet -d 'No progress bar and no remarks'
 complete -c simulate -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c simulate -s h -l help -d 'Print help (see more with \'--help\')'

@@ -26,6 +26,7 @@ complete -c solve-pose -l calibrate-x-constant -d 'The platform kept its x while
 complete -c solve-pose -l filter -d 'Filter the poses over the scans so far; each comes out with its scan'
 complete -c solve-pose -l smooth -d 'Smooth the poses over all scans before and after; they come out at the end of the input, and 12 kB a scan are held until then'
 complete -c solve-pose -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c solve-pose -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c solve-pose -s q -l quiet -d 'No progress bar and no remarks'
 complete -c solve-pose -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c solve-pose -s h -l help -d 'Print help (see more with \'--help\')'

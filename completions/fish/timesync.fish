@@ -62,6 +62,7 @@ complete -c timesync -n "__fish_timesync_using_subcommand poll" -l input-format 
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -l from -d 'Leave out records before TIME: nanoseconds since the epoch, or +10s after the first record' -r
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -l to -d 'Leave out records after TIME' -r
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c timesync -n "__fish_timesync_using_subcommand poll" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c timesync -n "__fish_timesync_using_subcommand poll" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -82,6 +83,7 @@ complete -c timesync -n "__fish_timesync_using_subcommand fit" -l from -d 'Leave
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -l to -d 'Leave out records after TIME' -r
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -l json -d 'Write the result as JSON'
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c timesync -n "__fish_timesync_using_subcommand fit" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c timesync -n "__fish_timesync_using_subcommand fit" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -120,6 +122,7 @@ complete -c timesync -n "__fish_timesync_using_subcommand track" -l from -d 'Lea
 complete -c timesync -n "__fish_timesync_using_subcommand track" -l to -d 'Leave out records after TIME' -r
 complete -c timesync -n "__fish_timesync_using_subcommand track" -l smooth -d 'Fit the whole file before mapping: not causal, and smoother'
 complete -c timesync -n "__fish_timesync_using_subcommand track" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c timesync -n "__fish_timesync_using_subcommand track" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c timesync -n "__fish_timesync_using_subcommand track" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c timesync -n "__fish_timesync_using_subcommand track" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c timesync -n "__fish_timesync_using_subcommand track" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -143,6 +146,7 @@ complete -c timesync -n "__fish_timesync_using_subcommand delay" -l fixed-gain -
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -l fixed-offset -d 'Take the measurement\'s zero as true'
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -l json -d 'Write the result as JSON (delay_s, sigma_s, ...), which compensate-delay --delay-from reads'
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
+complete -c timesync -n "__fish_timesync_using_subcommand delay" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -s q -l quiet -d 'No progress bar and no remarks'
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -s v -l verbose -d 'Say at the end how many records came and went'
 complete -c timesync -n "__fish_timesync_using_subcommand delay" -s h -l help -d 'Print help (see more with \'--help\')'

@@ -183,6 +183,8 @@ pub struct Report {
     pub role: &'static str,
     /// Where the reference came from, without its folder.
     pub reference_source: String,
+    /// Command lines of the stages that made the reference, if its stream says so.
+    pub reference_stages: Vec<String>,
     /// The reference, for its counts and limits.
     pub reference: Reference,
     /// Runs and zones, side by side.

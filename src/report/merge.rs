@@ -64,7 +64,7 @@ mod tests {
         let apart = cases(vec![whole, other]);
         let mut together = cases(merged);
         together[0].source.clone_from(&apart[0].source);
-        // As text: what has no value is no number, and that is not equal to itself.
-        assert!(format!("{together:?}") == format!("{apart:?}"));
+        // Missing numbers are not equal to themselves.
+        assert_eq!(format!("{together:?}"), format!("{apart:?}"));
     }
 }

@@ -1,6 +1,6 @@
 //! A figure as it leaves the report: in the page, or as a file of its own.
 
-use super::canvas::{Drawing, SOFT, TICK, UNIT, escaped};
+use super::canvas::{Drawing, SOFT, TICK, UNIT, escaped, ink};
 use super::pixels;
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write;
@@ -39,7 +39,7 @@ const TITLE: u32 = 22;
 /// Sizes of the title and the unit, px.
 const SIZES: [f32; 2] = [12.5, 11.5];
 /// The title's colour.
-const INK: (u8, u8, u8) = (26, 29, 33);
+const INK: (u8, u8, u8) = (ink::INK.0, ink::INK.1, ink::INK.2);
 
 impl Figure {
     /// A figure whose file is called `name`, made of small letters, digits and dashes.
@@ -184,7 +184,7 @@ pub(super) fn make_unique(figures: &mut [Figure]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::canvas::{figure, ink};
+    use super::super::canvas::figure;
     use super::*;
     use plotters::element::{Circle, PathElement, Rectangle, Text};
     use plotters::style::{Color, IntoFont};

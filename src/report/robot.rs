@@ -18,7 +18,7 @@ pub struct Findings<'a> {
     pub calibrated: &'a Calibrated,
 }
 
-const WIDTH: usize = 9;
+const WIDTH: usize = 10;
 
 /// From m and rad to what people read: mm and deg.
 fn scale(component: usize) -> f64 {

@@ -123,6 +123,8 @@ pub struct Calibrated {
 const STEPS: usize = 30;
 /// Half the difference that derivatives are taken over, m.
 const DIFFERENCE_M: f64 = 1e-4;
+/// A standard deviation from which on a shift is not shown at all, m: rounding alone shows that much.
+const SHOWN_M: f64 = 1.0;
 /// A step this small, in standard deviations, ends the search.
 const SMALL: f64 = 1e-6;
 
@@ -183,10 +185,12 @@ pub fn calibrate(
         }
         let factor = shown(&normal).and_then(|()| normal.clone().cholesky());
         let Some(factor) = factor else {
-            let names: Vec<String> = unknowns.iter().map(Unknown::to_string).collect();
-            return Err(CalibrationError::NotShown(names.join(" and ")));
+            return Err(CalibrationError::NotShown(names(unknowns)));
         };
         covariance = factor.inverse();
+        if (0..n).any(|i| !(covariance[(i, i)] < SHOWN_M * SHOWN_M)) {
+            return Err(CalibrationError::NotShown(names(unknowns)));
+        }
         let step = factor.solve(&slope);
         shifts += &step;
         let small = |i: usize| step[i].abs() < SMALL * covariance[(i, i)].sqrt();
@@ -213,6 +217,11 @@ pub fn calibrate(
         left,
         corrected: shifted(belief, unknowns, &shifts),
     })
+}
+
+fn names(unknowns: &[Unknown]) -> String {
+    let names: Vec<String> = unknowns.iter().map(Unknown::to_string).collect();
+    names.join(" and ")
 }
 
 /// Whether normal equations show every unknown apart from the others.

@@ -107,6 +107,9 @@ impl Robot {
         let mut pose = *start;
         let mut spans = self.spans(&pose)?;
         let mut cost = cost(&spans, lengths_m);
+        if !cost.is_finite() {
+            return Err(KinematicsError::Search { rms_m: cost });
+        }
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
             let mut normal = Matrix6::zeros();

@@ -3,16 +3,18 @@
 //! The columns are those that a record shows its visitors. A reader takes them in any order, passes
 //! over columns it does not know, and refuses a header without a required one. A list is one field
 //! with single spaces between its items. Every row ends with a line feed; one that does not has been
-//! cut off. Lines that start with `#` are passed over.
+//! cut off. Lines that start with `#` are remarks; those above the header go on to the output of a
+//! filter, and may say where the records come from.
 
 use super::check::{BadField, Checks, ListLengths, StreamRecord};
 use super::exit::Fault;
 use super::kinds;
+use super::trajectory_text::Layout;
 use crate::record::{Presence, Record, Value, Visit, VisitMut};
 use csv::ByteRecord;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
-use std::io::{self, Read, Write};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
 use std::rc::Rc;
 
 /// A read takes what a pipe holds at once.
@@ -30,6 +32,46 @@ pub(super) enum RowError {
     Fatal(anyhow::Error),
 }
 
+/// Lines without their line feeds.
+type Remarks = Vec<Vec<u8>>;
+
+/// Remarks above the header that are kept, bytes; the rest is passed over.
+const MOST_REMARKS: u64 = 1 << 20;
+
+/// Takes the remarks off the beginning of a text: the lines that start with `#`, without their line
+/// feeds, and the text that is left.
+pub(super) fn take_remarks(text: Box<dyn Read>) -> io::Result<(Remarks, Box<dyn Read>)> {
+    let mut text = BufReader::new(text);
+    let mut remarks = Vec::new();
+    let mut room = MOST_REMARKS;
+    while text.fill_buf()?.first() == Some(&b'#') {
+        let mut line = Vec::new();
+        let length = (&mut text).take(room).read_until(b'\n', &mut line)?;
+        room -= length as u64;
+        if line.pop_if(|last| *last == b'\n').is_none() {
+            // Too long, or the end of the input: what is left of the line is a remark still.
+            return Ok((remarks, Box::new(Cursor::new(b"#").chain(text))));
+        }
+        remarks.push(line);
+    }
+    Ok((remarks, Box::new(text)))
+}
+
+/// How the lines of a text that is read as CSV stand to those of the file.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lines {
+    /// Lines of the file that have been taken off its beginning.
+    pub(super) taken_off: u64,
+    /// The layout that the text was made from: its first line, the header, is not the file's.
+    pub(super) layout: Option<Layout>,
+}
+
+impl Lines {
+    fn of_file(self, line: u64) -> u64 {
+        (line + self.taken_off).saturating_sub(u64::from(self.layout.is_some()))
+    }
+}
+
 /// Reads one kind of record.
 pub(super) struct CsvReader<R> {
     reader: csv::Reader<Box<dyn Read>>,
@@ -42,8 +84,9 @@ pub(super) struct CsvReader<R> {
     checks: Checks,
     /// Whether the input has ended.
     at_end: Rc<Cell<bool>>,
-    /// Lines that are not the file's own, before its first one.
-    lines_added: u64,
+    lines: Lines,
+    /// Columns of the header that the record does not have.
+    unknown: Vec<String>,
 }
 
 /// Notes when its reader meets the end of the input. A row that ends with a line feed is given out
@@ -64,9 +107,8 @@ impl Read for NoteEnd {
 }
 
 impl<R: StreamRecord> CsvReader<R> {
-    /// Reads the header row; `name` is the file's in messages, `lines_added` how many lines of the
-    /// input come before the file's first one.
-    pub(super) fn new(input: Box<dyn Read>, name: &str, lines_added: u64) -> anyhow::Result<Self> {
+    /// Reads the header row; `name` is the file's in messages.
+    pub(super) fn new(input: Box<dyn Read>, name: &str, lines: Lines) -> anyhow::Result<Self> {
         let at_end = Rc::new(Cell::new(false));
         let input: Box<dyn Read> = Box::new(NoteEnd {
             input,
@@ -88,17 +130,18 @@ impl<R: StreamRecord> CsvReader<R> {
         }
         Ok(CsvReader {
             fields: find_columns::<R>(&header).map_err(|why| {
-                let line = header.position().map_or(1, csv::Position::line);
+                let line = lines.of_file(header.position().map_or(1, csv::Position::line));
                 Fault::BadData(format!("{name}:{line}: {why}"))
             })?,
             header_fields: header.len(),
+            unknown: unknown_columns::<R>(&header),
             name: name.to_owned(),
             reader,
             row: header,
             record: R::default(),
             checks: Checks::default(),
             at_end,
-            lines_added,
+            lines,
         })
     }
 
@@ -117,9 +160,14 @@ impl<R: StreamRecord> CsvReader<R> {
             (Err(bad), true) => format!("{bad}; {CUT_OFF}"),
         };
         let line = self.row.position().map_or(0, csv::Position::line);
-        let line = line.saturating_sub(self.lines_added);
+        let line = self.lines.of_file(line);
         let fault = Fault::BadData(format!("{}:{line}: {why}", self.name));
         Err(RowError::Bad(fault))
+    }
+
+    /// Columns of the header that the record does not have.
+    pub(super) fn unknown_columns(&self) -> &[String] {
+        &self.unknown
     }
 
     /// The record of the last row read.
@@ -128,6 +176,14 @@ impl<R: StreamRecord> CsvReader<R> {
     }
 
     fn fill(&mut self) -> Result<(), BadField> {
+        if let (Some(layout), 1, Some(count)) = (self.lines.layout, self.row.len(), self.row.get(0))
+        {
+            let count = String::from_utf8_lossy(count);
+            return Err(BadField::row(format!(
+                "{count} fields where {}",
+                layout.line()
+            )));
+        }
         if self.row.len() != self.header_fields {
             return Err(BadField::row(format!(
                 "{} fields where the header has {}",
@@ -172,6 +228,17 @@ impl VisitMut for FillRow<'_> {
     }
 }
 
+/// What a header has that a record has no place for.
+fn unknown_columns<R: Record>(header: &ByteRecord) -> Vec<String> {
+    let known = kinds::columns::<R>();
+    let unknown = header
+        .iter()
+        .filter(|name| !known.iter().any(|(known, _)| known.as_bytes() == *name));
+    unknown
+        .map(|name| String::from_utf8_lossy(name).into_owned())
+        .collect()
+}
+
 /// Where each column of a record stands in the header.
 fn find_columns<R: Record>(header: &ByteRecord) -> Result<Vec<Option<usize>>, String> {
     let mut fields = Vec::new();
@@ -210,23 +277,59 @@ fn find_columns<R: Record>(header: &ByteRecord) -> Result<Vec<Option<usize>>, St
 
 /// Writes one kind of record.
 pub(super) struct CsvWriter<W: Write> {
-    writer: csv::Writer<W>,
+    writer: csv::Writer<Led<W>>,
+    remarks: Rc<RefCell<Vec<u8>>>,
     /// Whether each of the record's columns is in the header; empty before the first record.
     present: Vec<bool>,
     kind: Option<&'static str>,
     text: Vec<u8>,
 }
 
+/// An output that begins with remarks.
+pub(super) struct Led<W> {
+    inner: W,
+    /// What is still to be written before anything else.
+    remarks: Rc<RefCell<Vec<u8>>>,
+}
+
+impl<W: Write> Write for Led<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let remarks = self.remarks.take();
+        self.inner.write_all(&remarks)?;
+        self.inner.write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
 impl<W: Write> CsvWriter<W> {
     pub(super) fn new(output: W) -> Self {
+        let remarks = Rc::default();
+        let output = Led {
+            inner: output,
+            remarks: Rc::clone(&remarks),
+        };
         CsvWriter {
             writer: csv::WriterBuilder::new()
                 .buffer_capacity(BUFFER)
                 .flexible(true)
                 .from_writer(output),
+            remarks,
             present: Vec::new(),
             kind: None,
             text: Vec::new(),
+        }
+    }
+
+    /// Sets what stands above the header, line by line, if that is not written yet.
+    pub(super) fn set_remarks(&mut self, lines: &[Vec<u8>]) {
+        if self.kind.is_none() {
+            let mut text = lines.join(&b'\n');
+            if !lines.is_empty() {
+                text.push(b'\n');
+            }
+            self.remarks.replace(text);
         }
     }
 
@@ -299,7 +402,7 @@ impl<W: Write> CsvWriter<W> {
 }
 
 struct WriteRow<'a, W: Write> {
-    writer: &'a mut csv::Writer<W>,
+    writer: &'a mut csv::Writer<Led<W>>,
     present: std::slice::Iter<'a, bool>,
     text: &'a mut Vec<u8>,
 }

@@ -14,11 +14,15 @@ fn written<R: Record>(records: &[R]) -> anyhow::Result<String> {
         .writer
         .into_inner()
         .map_err(|e| anyhow::anyhow!("{e}"))?;
-    Ok(String::from_utf8(bytes)?)
+    Ok(String::from_utf8(bytes.inner)?)
 }
 
 fn reader<R: StreamRecord>(text: &str) -> anyhow::Result<CsvReader<R>> {
-    CsvReader::new(Box::new(std::io::Cursor::new(text.to_owned())), "f.csv", 0)
+    CsvReader::new(
+        Box::new(std::io::Cursor::new(text.to_owned())),
+        "f.csv",
+        Lines::default(),
+    )
 }
 
 /// The records before the first fault, and the fault.
@@ -206,7 +210,7 @@ fn one_stream_has_one_kind() {
 fn a_stream_without_records_has_a_header() {
     let mut writer = CsvWriter::new(Vec::new());
     writer.write_empty::<ImuSample>().unwrap();
-    let text = String::from_utf8(writer.writer.into_inner().unwrap()).unwrap();
+    let text = String::from_utf8(writer.writer.into_inner().unwrap().inner).unwrap();
     assert!(text.starts_with("stamp_ns,received_ns,"));
     assert_eq!(read::<ImuSample>(&text), (Vec::new(), None));
     assert!(fault::<Segment>(&text).contains("these are imu records"));

@@ -110,8 +110,15 @@ fn drive<S: Stage>(
     if stage.wants_imu() {
         input.want_imu();
     }
+    let mut begun = false;
     loop {
-        match input.advance(Some(emit.output)) {
+        let read = input.advance(Some(emit.output));
+        if !begun {
+            // Before the first record, when an MCAP input has said all that there is to say.
+            begun = true;
+            emit.output.follow(input)?;
+        }
+        match read {
             Ok(true) => {
                 input.take_imu().iter().for_each(|sample| stage.imu(sample));
                 stage.push(input.current(), emit)?;

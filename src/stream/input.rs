@@ -1,9 +1,10 @@
 //! Where records come from: stdin, a file or a FIFO, in either encoding.
 
 use super::check::StreamRecord;
-use super::csv::{CsvReader, RowError};
+use super::csv::{CsvReader, Lines, RowError, take_remarks};
 use super::exit::{self, Fault};
 use super::flow::{self, LiveReader};
+use super::kinds::Kind;
 use super::mcap::McapReader;
 use super::output::Output;
 use super::progress::Progress;
@@ -30,6 +31,10 @@ pub struct Input<R: StreamRecord> {
     bad: u64,
     first_bad: Option<Fault>,
     ended: bool,
+    /// The lines above a CSV header.
+    remarks: Vec<Vec<u8>>,
+    /// The stages that those lines name.
+    stages: Vec<Provenance>,
 }
 
 enum Reader<R: StreamRecord> {
@@ -41,6 +46,11 @@ impl<R: StreamRecord> Input<R> {
     /// Opens a main input; no path, or `-`, is stdin. `--from` and `--to` hold for it.
     pub fn open(path: Option<&Path>, options: &Options) -> anyhow::Result<Input<R>> {
         Input::open_in(path, Role::Desired, options.window, options)
+    }
+
+    /// Opens a main input of a kind; `-` is stdin.
+    pub fn open_kind(path: &Path, kind: Kind, options: &Options) -> anyhow::Result<Input<R>> {
+        Input::open_in(Some(path), kind.role(), options.window, options)
     }
 
     /// Opens bytes that do not come from a path, such as one copy of a stream that two readers
@@ -82,9 +92,21 @@ impl<R: StreamRecord> Input<R> {
             encoding,
             ..
         } = source;
+        let (remarks, bytes) = match encoding {
+            Encoding::Csv => take_remarks(bytes)?,
+            Encoding::Mcap | Encoding::Tum | Encoding::Euroc => (Vec::new(), bytes),
+        };
+        let stages = remarks
+            .iter()
+            .filter_map(|line| Provenance::from_line(line));
+        let stages = stages.collect();
         let reader = match encoding {
             Encoding::Csv | Encoding::Tum | Encoding::Euroc => {
-                Reader::Csv(Box::new(csv_reader(bytes, &name, encoding)?))
+                let lines = Lines {
+                    taken_off: remarks.len() as u64,
+                    layout: encoding.layout(),
+                };
+                Reader::Csv(Box::new(csv_reader(bytes, &name, lines)?))
             }
             Encoding::Mcap => Reader::Mcap(Box::new(McapReader::new(bytes, &name, role))),
         };
@@ -99,6 +121,8 @@ impl<R: StreamRecord> Input<R> {
             bad: 0,
             first_bad: None,
             ended: false,
+            remarks,
+            stages,
         })
     }
 
@@ -196,12 +220,25 @@ impl<R: StreamRecord> Input<R> {
         self.bad
     }
 
-    /// Where the records come from: the stages that made an MCAP stream, first one first, as far
-    /// as it has been read. Empty for CSV.
+    /// Where the records come from: the stages that made the stream, first one first, as far as it
+    /// has been read. CSV says so only where it was asked to (`--meta`), in lines above its header.
     pub fn provenance(&self) -> &[Provenance] {
         match &self.reader {
-            Reader::Csv(_) => &[],
+            Reader::Csv(_) => &self.stages,
             Reader::Mcap(mcap) => mcap.provenance(),
+        }
+    }
+
+    /// The lines that start with `#` above a CSV header.
+    pub(super) fn remarks(&self) -> &[Vec<u8>] {
+        &self.remarks
+    }
+
+    /// Columns of a CSV header that a record of this kind does not have.
+    pub(super) fn unknown_columns(&self) -> &[String] {
+        match &self.reader {
+            Reader::Csv(csv) => csv.unknown_columns(),
+            Reader::Mcap(_) => &[],
         }
     }
 
@@ -227,15 +264,13 @@ impl Input<TrajectoryPoint> {
 fn csv_reader<R: StreamRecord>(
     bytes: Box<dyn Read>,
     name: &str,
-    encoding: Encoding,
+    lines: Lines,
 ) -> anyhow::Result<CsvReader<R>> {
-    match encoding.layout() {
-        None => CsvReader::new(bytes, name, 0),
-        Some(layout) => {
-            let text = trajectory_text::AsCsv::new(bytes, layout);
-            CsvReader::new(Box::new(text), name, trajectory_text::LINES_ADDED)
-        }
-    }
+    let bytes = match lines.layout {
+        None => bytes,
+        Some(layout) => Box::new(trajectory_text::AsCsv::new(bytes, layout)),
+    };
+    CsvReader::new(bytes, name, lines)
 }
 
 /// All records of an input; `--from` and `--to` hold for it.
@@ -279,16 +314,7 @@ impl Source {
                 let length = live.read(&mut block)?;
                 block.truncate(length);
                 head = block;
-                // One byte tells: no CSV header starts with a byte that is not text.
-                if head.first() == mcap::MAGIC.first() {
-                    Encoding::Mcap
-                } else {
-                    match trajectory_text::sniff(&head) {
-                        Some(Layout::Tum) => Encoding::Tum,
-                        Some(Layout::Euroc) => Encoding::Euroc,
-                        None => Encoding::Csv,
-                    }
-                }
+                sniff(&head)
             }
         };
         Ok(Source {
@@ -297,6 +323,19 @@ impl Source {
             encoding,
             is_stdin,
         })
+    }
+}
+
+/// The encoding that a stream's first bytes tell.
+fn sniff(head: &[u8]) -> Encoding {
+    // One byte tells: no CSV header starts with a byte that is not text.
+    if head.first() == mcap::MAGIC.first() {
+        return Encoding::Mcap;
+    }
+    match trajectory_text::sniff(head) {
+        Some(Layout::Tum) => Encoding::Tum,
+        Some(Layout::Euroc) => Encoding::Euroc,
+        None => Encoding::Csv,
     }
 }
 
@@ -326,6 +365,8 @@ fn open_raw(
 pub struct Bytes {
     live: LiveReader<Box<dyn Read>>,
     name: String,
+    /// What has been looked at already.
+    head: Cursor<Vec<u8>>,
 }
 
 impl Bytes {
@@ -335,7 +376,21 @@ impl Bytes {
         Ok(Bytes {
             live: LiveReader::new(bytes, &name),
             name,
+            head: Cursor::default(),
         })
+    }
+
+    /// Looks at the first bytes, as many as come at once, and leaves them there to be read: the
+    /// encoding that they would have as a stream of records, and themselves.
+    pub fn peek(&mut self) -> anyhow::Result<(Encoding, &[u8])> {
+        if self.head.get_ref().is_empty() {
+            let mut block = vec![0; 1 << 16];
+            let length = self.live.read(&mut block)?;
+            block.truncate(length);
+            self.head = Cursor::new(block);
+        }
+        let head = self.head.get_ref();
+        Ok((sniff(head), head))
     }
 
     /// The file's name, or `stdin`.
@@ -346,6 +401,10 @@ impl Bytes {
 
 impl Read for Bytes {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let length = self.head.read(buffer)?;
+        if length > 0 || buffer.is_empty() {
+            return Ok(length);
+        }
         self.live.read(buffer)
     }
 }

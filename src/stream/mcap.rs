@@ -226,6 +226,16 @@ impl<W: Write> McapWriter<W> {
         ))
     }
 
+    /// Writes a stage that the input has gone through, and that it said elsewhere than in MCAP.
+    pub(super) fn pass_stage(&mut self, stage: &Provenance) -> anyhow::Result<()> {
+        self.writer.write_metadata(&Metadata {
+            name: provenance::RECORD_NAME.to_owned(),
+            metadata: stage.to_entries(self.stages),
+        })?;
+        self.stages += 1;
+        Ok(())
+    }
+
     /// Passes a metadata record of the input on.
     fn pass_metadata(&mut self, metadata: &Metadata) -> anyhow::Result<()> {
         if metadata.name == provenance::RECORD_NAME {

@@ -15,6 +15,7 @@
 
 mod cdr;
 mod check;
+mod convert;
 mod copies;
 mod csv;
 pub mod exit;
@@ -37,18 +38,21 @@ mod round_trip_tests;
 #[cfg(test)]
 mod samples;
 mod side;
+mod topics;
 mod trajectory_text;
 pub mod viewer;
 mod whole_file;
 mod window;
 
 pub use check::{BadField, StreamRecord};
+pub use convert::{Lane, Loss, lane_of, lanes, write_lanes};
 pub use copies::{StreamCopy, copies};
 pub use exit::Fault;
 pub use filter::{Emit, Stage, filter};
 pub use flow::Stop;
 pub(crate) use flow::outlive_file_limit;
 pub use input::{Bytes, Input, read_all};
+pub use kinds::{Kind, KindVisitor};
 pub use output::Output;
 pub use passing::{pass_unchanged, passes_unchanged};
 #[cfg(unix)]
@@ -58,6 +62,7 @@ pub use provenance::Provenance;
 pub(crate) use reader::leave_stuck_writes;
 pub use reader::reader_left;
 pub use side::SideInput;
+pub use topics::{TopicContents, topics};
 pub use whole_file::WholeFile;
 pub use window::{Place, WindowState};
 
@@ -135,6 +140,9 @@ pub struct Options {
     pub quiet: bool,
     /// `-v`, counted.
     pub verbose: u8,
+    /// Whether CSV says in lines above its header where it comes from (`--meta`); it does anyway
+    /// where its input does.
+    pub meta: bool,
     /// Seed of a simulation, for the provenance record.
     pub seed: Option<u64>,
     /// Configuration text (the frame file), for the provenance record.

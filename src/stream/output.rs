@@ -4,9 +4,11 @@ use super::check::StreamRecord;
 use super::csv::CsvWriter;
 use super::exit::{self, Fault};
 use super::flow::{self, BeforeWait};
+use super::input::Input;
 use super::mcap::McapWriter;
 #[cfg(unix)]
 use super::patient::Patient;
+use super::provenance::Provenance;
 use super::trajectory_text::{Layout, TextWriter};
 use super::{Encoding, Options, Role};
 use crate::record::TrajectoryPoint;
@@ -38,6 +40,10 @@ struct Core {
     records: u64,
     tool: &'static str,
     name: String,
+    /// This process as a stage of the records' provenance.
+    stage: Provenance,
+    /// Whether CSV says where it comes from.
+    meta: bool,
 }
 
 enum Encoder {
@@ -224,7 +230,12 @@ impl Output {
             records: 0,
             tool: options.tool,
             name,
+            stage: Provenance::of_this(options),
+            meta: options.meta,
         }));
+        if options.meta {
+            core.borrow_mut().precede(&[]);
+        }
         flow::register(&core);
         Ok(Output { core, encoding })
     }
@@ -275,6 +286,31 @@ impl Output {
             core.flush().map_err(unhide)?;
         }
         Ok(())
+    }
+
+    /// Says where the records come from that are about to be written: what the input says of itself.
+    /// In MCAP the input's own stages go on by themselves.
+    pub(super) fn follow<R: StreamRecord>(&self, input: &Input<R>) -> anyhow::Result<()> {
+        let core = &mut *self.core.borrow_mut();
+        let stages = input.provenance();
+        match &mut core.encoder {
+            Encoder::Csv(_) if input.encoding() == Encoding::Csv => {
+                core.meta |= !stages.is_empty();
+                core.precede(input.remarks());
+                Ok(())
+            }
+            Encoder::Csv(_) => {
+                let lines = stages.iter().enumerate();
+                let lines = lines.map(|(i, stage)| stage.to_line(i).into_bytes());
+                let lines: Vec<_> = lines.filter(|_| core.meta).collect();
+                core.precede(&lines);
+                Ok(())
+            }
+            Encoder::Mcap(_) if input.encoding() == Encoding::Mcap => Ok(()),
+            Encoder::Mcap(mcap) => stages.iter().try_for_each(|stage| mcap.pass_stage(stage)),
+            Encoder::Text(_) => Ok(()),
+        }
+        .map_err(unhide)
     }
 
     /// Calls `use_mcap` with the MCAP writer, if this is one.
@@ -334,6 +370,20 @@ impl Output {
 }
 
 impl Core {
+    /// Puts `lines` above the header of CSV and, where that is wanted, this process behind them.
+    fn precede(&mut self, lines: &[Vec<u8>]) {
+        let Encoder::Csv(csv) = &mut self.encoder else {
+            return;
+        };
+        let mut lines = lines.to_vec();
+        if self.meta {
+            let earlier = lines.iter().filter_map(|line| Provenance::from_line(line));
+            let line = self.stage.to_line(earlier.count());
+            lines.push(line.into_bytes());
+        }
+        csv.set_remarks(&lines);
+    }
+
     fn flush(&mut self) -> anyhow::Result<()> {
         match &mut self.encoder {
             Encoder::Csv(csv) => Ok(csv.flush()?),

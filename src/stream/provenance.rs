@@ -27,6 +27,9 @@ pub struct Provenance {
 /// Keys of notes in a metadata record begin with this.
 const NOTE: &str = "note.";
 
+/// What a `#` line of CSV that holds a stage begins with; the entries follow as one JSON object.
+const LINE: &str = "# cablepose ";
+
 impl Provenance {
     /// This process.
     pub(super) fn of_this(options: &Options) -> Provenance {
@@ -58,6 +61,20 @@ impl Provenance {
             entries.insert(format!("{NOTE}{key}"), text.clone());
         }
         entries
+    }
+
+    /// As a line above the header of CSV, without its line feed.
+    pub(super) fn to_line(&self, stage: usize) -> String {
+        // A map of texts is always JSON.
+        let entries = serde_json::to_string(&self.to_entries(stage)).unwrap_or_default();
+        format!("{LINE}{entries}")
+    }
+
+    /// From such a line; none for any other remark.
+    pub(super) fn from_line(line: &[u8]) -> Option<Provenance> {
+        let entries = line.strip_prefix(LINE.as_bytes())?;
+        let entries: BTreeMap<String, String> = serde_json::from_slice(entries).ok()?;
+        Some(Provenance::from_entries(&entries))
     }
 
     /// From the entries of a metadata record; what is missing stays empty.
@@ -110,7 +127,21 @@ mod tests {
         };
         let entries = stage.to_entries(3);
         assert_eq!(entries["stage"], "3");
-        assert_eq!(Provenance::from_entries(&entries), stage);
+        assert_eq!(Provenance::from_entries(&entries), stage.clone());
+        let line = stage.to_line(3);
+        assert!(
+            !line.contains('\n') && line.starts_with("# cablepose {"),
+            "{line}"
+        );
+        assert_eq!(Provenance::from_line(line.as_bytes()), Some(stage));
+        for other in [
+            "# a remark",
+            "# cablepose ",
+            "# cablepose {\"a\":1}",
+            "#cablepose {}",
+        ] {
+            assert_eq!(Provenance::from_line(other.as_bytes()), None, "{other}");
+        }
         let bare = Provenance::default();
         assert_eq!(Provenance::from_entries(&bare.to_entries(0)), bare);
     }

@@ -35,7 +35,12 @@ fn to_csv<R: StreamRecord>(records: &[R]) -> Vec<u8> {
 }
 
 fn from_csv<R: StreamRecord>(bytes: Vec<u8>) -> Vec<R> {
-    let mut reader = CsvReader::new(Box::new(Cursor::new(bytes)), "csv", 0).unwrap();
+    let mut reader = CsvReader::new(
+        Box::new(Cursor::new(bytes)),
+        "csv",
+        crate::stream::csv::Lines::default(),
+    )
+    .unwrap();
     let mut records = Vec::new();
     while reader.advance().unwrap_or_else(|e| panic!("{e:?}")) {
         records.push(R::clone(reader.record()));

@@ -15,7 +15,7 @@ pub struct WholeFile(Place);
 
 enum Place {
     Stdout,
-    InPlace(PathBuf),
+    There(PathBuf),
     File(Box<Partial>),
 }
 
@@ -47,7 +47,7 @@ impl WholeFile {
             return Ok(WholeFile(Place::Stdout));
         };
         if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-            return Ok(WholeFile(Place::InPlace(path.to_owned())));
+            return Ok(WholeFile(Place::There(path.to_owned())));
         }
         let to = behind_links(path);
         let from = partial_of(&to);
@@ -75,7 +75,7 @@ impl WholeFile {
                 let written = out.write_all(bytes).and_then(|()| out.flush());
                 Ok(written.map_err(|error| flow::named("stdout", error))?)
             }
-            Place::InPlace(path) => {
+            Place::There(path) => {
                 let file = OpenOptions::new().write(true).open(&path);
                 let written = file.and_then(|mut file| file.write_all(bytes));
                 Ok(written.map_err(|error| named(&path, error))?)

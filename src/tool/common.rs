@@ -39,6 +39,10 @@ pub struct CommonArgs {
     /// Leave out records after TIME
     #[arg(long, value_name = "TIME", value_parser = parse_instant)]
     pub to: Option<Instant>,
+    /// Say in # lines above a CSV header where the records come from: tool, version, arguments, seed
+    /// (also with CABLEPOSE_META=1 in the environment, or where the input says so)
+    #[arg(long)]
+    pub meta: bool,
     /// No progress bar and no remarks
     #[arg(short, long)]
     pub quiet: bool,
@@ -80,6 +84,9 @@ impl CommonArgs {
                 from: self.from,
                 to: self.to,
             },
+            meta: self.meta
+                || std::env::var_os("CABLEPOSE_META")
+                    .is_some_and(|set| !set.is_empty() && set != "0"),
             quiet: self.quiet,
             verbose: self.verbose,
             seed: None,

@@ -19,7 +19,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 /// JSON whose objects keep their order.
 #[derive(Clone, Debug, PartialEq)]
-enum Tree {
+pub(super) enum Tree {
     Number(f64),
     /// A number with all its digits.
     Exact(f64),
@@ -52,7 +52,7 @@ impl Serialize for Tree {
     }
 }
 
-fn rounded(value: f64) -> f64 {
+pub(super) fn rounded(value: f64) -> f64 {
     let scaled = value * 1e6;
     if scaled.abs() < 9e15 {
         // Adding zero turns -0 into 0.
@@ -88,6 +88,7 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
         ("unsorted", Tree::Count(report.reference.unsorted)),
         ("association", Tree::Text(association.to_owned())),
         ("max_diff_s", Tree::Number(report.reference.max_diff_s())),
+        ("stages", texts(&report.reference_stages)),
     ]);
     let gates = report.verdicts.iter().map(|v| {
         object([
@@ -119,7 +120,7 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
 
 /// A record of an IMU at rest. Allan deviations are in the channel's unit, and not rounded to six
 /// decimals of it: they may be smaller.
-fn inertial_tree(inertial: &Inertial) -> Tree {
+pub(super) fn inertial_tree(inertial: &Inertial) -> Tree {
     let channel = |measured: &Measured| {
         let kind = measured.channel.kind;
         let mut fields = vec![
@@ -176,7 +177,7 @@ fn inertial_tree(inertial: &Inertial) -> Tree {
     ])
 }
 
-fn case_tree(case: &Case, with_cells: bool) -> Tree {
+pub(super) fn case_tree(case: &Case, with_cells: bool) -> Tree {
     let text = |t: &String| Tree::Text(t.clone());
     let mut fields = vec![
         ("run".to_owned(), text(&case.run)),

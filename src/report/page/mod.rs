@@ -218,6 +218,7 @@ mod tests {
             title: "a < b".to_owned(),
             role: "truth",
             reference_source: "truth.csv".to_owned(),
+            reference_stages: Vec::new(),
             reference,
             cases,
             inertial: None,

@@ -310,7 +310,7 @@ fn stands(window: &[Sample], criteria: &Criteria, noise: &[f64; 6]) -> bool {
     let mean_s = |half: &[Sample]| half.iter().map(|s| s.t_s).sum::<f64>() / half.len() as f64;
     let apart_s = mean_s(second) - mean_s(first);
     let (mut chi_squared, mut dof) = (0.0, 0.0);
-    for k in 0..6 {
+    for (k, noise) in noise.iter().enumerate() {
         let known = |half: &[Sample]| half.iter().filter(|s| s.value[k].is_finite()).count();
         let n = [known(first), known(second)];
         if n[0] < 2 || n[1] < 2 {
@@ -323,7 +323,7 @@ fn stands(window: &[Sample], criteria: &Criteria, noise: &[f64; 6]) -> bool {
         let variance = if variance > 0.0 {
             variance
         } else {
-            noise[k] * noise[k]
+            noise * noise
         };
         // The median of n normal numbers has pi / 2 times the variance of their mean.
         let of_medians =

@@ -2,7 +2,9 @@
 
 use crate::record::{Pose, ReflectorLines, Segment, TrajectoryPoint};
 use crate::report::{Run, origin};
-use crate::stream::{Encoding, Fault, Input, Options, Role, StreamCopy, Window, copies, read_all};
+use crate::stream::{
+    Encoding, Fault, Input, Options, Role, StreamCopy, StreamRecord, Window, copies, read_all,
+};
 use std::path::{Path, PathBuf};
 use std::thread;
 
@@ -32,7 +34,24 @@ enum Job {
 /// What came of a [`Job`].
 enum Done {
     Run(Run),
-    Reference(Vec<TrajectoryPoint>),
+    Reference(Part),
+}
+
+/// A trajectory, or a part of one, and the stages that made it.
+#[derive(Default)]
+struct Part {
+    points: Vec<TrajectoryPoint>,
+    stages: Vec<String>,
+}
+
+/// All that has been read.
+pub(super) struct Inputs {
+    /// The runs in the order given.
+    pub(super) runs: Vec<Run>,
+    /// The reference's points.
+    pub(super) points: Vec<TrajectoryPoint>,
+    /// The stages that made the reference, as far as it says.
+    pub(super) stages: Vec<String>,
 }
 
 /// Reads all inputs: first what comes through pipes, all at the same time, because they may be
@@ -42,7 +61,7 @@ pub(super) fn read(
     sources: &[origin::Source],
     wanted: Wanted<'_>,
     options: &Options,
-) -> anyhow::Result<(Vec<Run>, Vec<TrajectoryPoint>)> {
+) -> anyhow::Result<Inputs> {
     let shared = wanted.paths.iter().enumerate().find_map(|(j, path)| {
         let i = sources.iter().position(|s| s.path == *path)?;
         is_pipe(path).then_some((i, j))
@@ -60,7 +79,7 @@ pub(super) fn read(
         )
         .collect();
     let mut runs: Vec<Option<Run>> = vec![None; sources.len()];
-    let mut parts: Vec<Vec<TrajectoryPoint>> = Vec::new();
+    let mut parts: Vec<Part> = Vec::new();
     for pipes in [true, false] {
         let now: Vec<_> = jobs
             .iter()
@@ -92,7 +111,7 @@ pub(super) fn read(
                         (Job::Run(i), Some(Done::Run(run))) => {
                             runs.splice(i..=i, [Some(run)]);
                         }
-                        (_, Some(Done::Reference(points))) => parts.push(points),
+                        (_, Some(Done::Reference(part))) => parts.push(part),
                         _ => {}
                     }
                 }
@@ -100,21 +119,31 @@ pub(super) fn read(
             })?;
         }
     }
-    Ok((runs.into_iter().flatten().collect(), whole(parts)))
+    let Part { points, stages } = whole(parts);
+    Ok(Inputs {
+        runs: runs.into_iter().flatten().collect(),
+        points,
+        stages,
+    })
 }
 
 /// The parts of a trajectory put together. They come in any order, and a point that two of them
 /// share is one.
-fn whole(mut parts: Vec<Vec<TrajectoryPoint>>) -> Vec<TrajectoryPoint> {
+fn whole(mut parts: Vec<Part>) -> Part {
     if parts.len() < 2 {
         return parts.pop().unwrap_or_default();
     }
-    parts.sort_by_key(|points| points.first().map(|point| point.stamp));
-    let mut points = parts.concat();
+    parts.sort_by_key(|part| part.points.first().map(|point| point.stamp));
+    let mut points = Vec::new();
+    let mut stages = Vec::new();
+    for part in parts {
+        points.extend(part.points);
+        stages.extend(part.stages);
+    }
     points.sort_by_key(|point| point.stamp);
     let pose = |p: &TrajectoryPoint| (p.stamp, p.position_m, p.rotation_rad);
     points.dedup_by(|b, a| pose(b) == pose(a));
-    points
+    Part { points, stages }
 }
 
 /// Lines that poses were made from.
@@ -169,7 +198,7 @@ fn read_reference(
     wanted: Wanted<'_>,
     half: Option<StreamCopy>,
     options: &Options,
-) -> anyhow::Result<Vec<TrajectoryPoint>> {
+) -> anyhow::Result<Part> {
     let Wanted { role, given, .. } = wanted;
     let mut input = match half {
         Some(bytes) => {
@@ -186,7 +215,10 @@ fn read_reference(
     loop {
         match input.next() {
             Ok(Some(point)) => points.push(*point),
-            Ok(None) => return Ok(points),
+            Ok(None) => {
+                let stages = stages(&input);
+                return Ok(Part { points, stages });
+            }
             Err(error) if !given && points.is_empty() && is_bad_data(&error) => {
                 return Err(no_reference(&error.to_string()));
             }
@@ -222,6 +254,16 @@ fn read_run(
     while let Some(pose) = input.next()? {
         poses.push(pose.clone());
     }
+    Ok(Run {
+        name: source.name.clone(),
+        source: origin::input_name(&source.path),
+        stages: stages(&input),
+        poses,
+    })
+}
+
+/// The commands that made a stream, as far as it says.
+fn stages<R: StreamRecord>(input: &Input<R>) -> Vec<String> {
     let stages = input.provenance().iter();
     let stages = stages.map(|stage| {
         let seed = stage
@@ -231,10 +273,5 @@ fn read_run(
         let command = origin::command_without_folders(&stage.command);
         format!("{command}{seed}  # {} {}", stage.tool, stage.version)
     });
-    Ok(Run {
-        name: source.name.clone(),
-        source: origin::input_name(&source.path),
-        stages: stages.collect(),
-        poses,
-    })
+    stages.collect()
 }

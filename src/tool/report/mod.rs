@@ -1,7 +1,10 @@
 //! report: what a run is worth, in numbers and figures. Without a subcommand, poses against a true
 //! or desired trajectory; each subcommand is a file of its own.
 
+mod convert;
+mod diff;
 mod evaluation;
+mod forms;
 mod frame;
 mod inputs;
 mod lines;
@@ -44,6 +47,10 @@ pub struct Args {
 pub enum Subject {
     /// Scores extracted lines against the true ones
     Lines(lines::LineArgs),
+    /// Compares two files of records
+    Diff(diff::DiffArgs),
+    /// Writes records in another encoding, several files into one, one into several
+    Convert(convert::ConvertArgs),
     /// Draws and checks a frame file, and predicts what scans in it can tell
     Frame(frame::FrameArgs),
     /// Draws scans: beams, reflectors, lines, edges, residuals
@@ -62,6 +69,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.subject {
         None => poses::run(&args.poses),
         Some(Subject::Lines(args)) => lines::run(&args),
+        Some(Subject::Diff(args)) => diff::run(&args),
+        Some(Subject::Convert(args)) => convert::run(&args),
         Some(Subject::Frame(args)) => frame::run(&args),
         Some(Subject::Scan(args)) => scan::run(&args),
         Some(Subject::Static(args)) => standing::run(&args),

@@ -1,10 +1,12 @@
 //! `report`: poses against a true or desired trajectory.
 
 use super::evaluation::EvaluationArgs;
+use super::forms::FormArgs;
+use super::inputs::Inputs;
 use super::pictures::{PictureArgs, parse_maps};
 use super::{inputs, outputs};
 use crate::report::{
-    Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, json, merge,
+    Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, merge,
     origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role, WholeFile};
@@ -27,8 +29,8 @@ EXAMPLES
       vote=<(solve-pose -f frame.toml --method vote lines.csv)
   A run that was split up, put together again:
     report --truth truth.csv --merge <(sed 101q poses.csv) <(sed 2,101d poses.csv)
-  Parts of the workspace apart:
-    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' poses.csv
+  Parts of the workspace apart, as tables for a paper; the poses for other kits:
+    report --truth truth.csv --zone 'low=z<=2' --zone 'high=z>2' --latex --export tum out/ poses.csv
   In a script, with gates:
     report --truth truth.csv --json poses.csv --fail-if 'x.rms_mm>50' \\
       --fail-if 'scans.solved_pct<50'
@@ -88,9 +90,9 @@ pub struct PoseArgs {
     /// allowed
     #[arg(long = "fail-if", value_name = "[RUN:]CONDITION")]
     pub fail_if: Vec<Gate>,
-    /// Print JSON in place of the table
-    #[arg(long)]
-    pub json: bool,
+    /// Forms.
+    #[command(flatten)]
+    pub forms: FormArgs,
     /// Write a page with figures
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
@@ -142,11 +144,7 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     if args.pictures.wanted() {
         args.pictures.write(&page::figures(&report, args.maps))?;
     }
-    let text = if args.json {
-        json::write(&report)?
-    } else {
-        terminal::write(&report, style(args))
-    };
+    let text = args.forms.text(&report, style(args), &options)?;
     table.finish(&text)?;
     Ok(outcome(&report))
 }
@@ -176,19 +174,33 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         role,
         given: !args.truth.is_empty() || !args.desired.is_empty(),
     };
-    let (mut runs, points) = inputs::read(&sources, wanted, options)?;
+    let mut read = inputs::read(&sources, wanted, options)?;
     if args.merge {
-        runs = merge(runs);
+        read.runs = merge(read.runs);
     }
+    let exports = args.forms.exports(&read)?;
+    let points = if exports.is_empty() {
+        Vec::new()
+    } else {
+        read.points.clone()
+    };
+    let Inputs {
+        runs,
+        points: all,
+        stages,
+    } = read;
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
     };
-    let reference = Reference::new(points, limits);
+    let reference = Reference::new(all, limits);
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let title = args.title.clone();
     let title = title.unwrap_or_else(|| format!("Pose report: {}", names.join(", ")));
     let cases = evaluate(runs, &reference, &settings);
+    for export in exports {
+        export.write(&cases, &points, role, options)?;
+    }
     let inertial = imu.and_then(|record| record.at_rest(&cases));
     let judge = |gate: &Gate| {
         let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
@@ -208,6 +220,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         } else {
             "desired"
         },
+        reference_stages: stages,
         reference_source: origin::input_names(paths.iter().map(|path| origin::input_name(path))),
         reference,
         cases,
@@ -235,6 +248,7 @@ fn imu_alone(args: &PoseArgs, inertial: Option<Inertial>) -> anyhow::Result<Repo
         title: title.unwrap_or_else(|| format!("IMU report: {source}")),
         role: "truth",
         reference_source: String::new(),
+        reference_stages: Vec::new(),
         reference: Reference::new(Vec::new(), Limits::default()),
         cases: Vec::new(),
         inertial,

@@ -107,8 +107,6 @@ pub struct Args {
     sizes: SizeArgs,
     #[command(flatten)]
     pub(super) course: CourseArgs,
-    #[command(flatten)]
-    robot: RobotArgs,
     /// Scanner model, in place of the frame file's
     #[arg(long, value_name = "NAME")]
     pub(super) model: Option<String>,
@@ -148,6 +146,8 @@ pub struct Args {
     pub(super) real_time: bool,
     #[command(flatten)]
     pub(super) jobs: JobArgs,
+    #[command(flatten)]
+    robot: RobotArgs,
     #[command(flatten)]
     pub(super) dilution: DilutionArgs,
     #[command(flatten)]

@@ -21,7 +21,7 @@ pub(super) struct RobotArgs {
 }
 
 /// Time between two points of the desired trajectory that are taken through the kinematics, s. The
-/// truth between them is a cubic; at 5 m/s^3 of jerk that is exact to a nanometre.
+/// truth between them is a cubic, which is good to a micrometre where the jerk changes by 200 m/s^3.
 const STEP_S: f64 = 0.005;
 
 /// The course with its truth taken through the robot, if there is one.
