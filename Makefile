@@ -67,6 +67,12 @@ SOAK_SEED ?= 1
 soak:
 	CABLEPOSE_SOAK_S=$(SOAK_SECONDS) CABLEPOSE_SOAK_SEED=$(SOAK_SEED) $(CARGO) test --locked --test soak -- --nocapture
 
+## check-windows: the compiler's and the linter's word on the library and the programs for Windows (needs that target of rustup, and mingw-w64's gcc)
+WINDOWS := x86_64-pc-windows-gnu
+.PHONY: check-windows
+check-windows:
+	$(CARGO) clippy --locked --target $(WINDOWS) --lib --bins -- -D warnings
+
 ## man: rewrites man/*.1 from the tools' own help
 .PHONY: man
 man:

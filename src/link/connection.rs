@@ -1,13 +1,13 @@
 //! An open line to a device (or, for an emulated device, to its user).
 
-use super::ninth_bit::NinthBit;
+use super::system::{NinthBit, is_unplugged};
 use super::{Endpoint, HostInstant, Pty, Waiter};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::{AsFd, BorrowedFd};
 use rustix::io::Errno;
 use serialport::SerialPort;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
-use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 /// Why a line is of no use (any more).
@@ -56,7 +56,7 @@ pub struct Received {
 
 enum Transport {
     Tcp(TcpStream),
-    Serial(Box<serialport::TTYPort>),
+    Serial(Box<dyn SerialPort>),
     Pty(Pty),
 }
 
@@ -111,13 +111,13 @@ impl Connection {
     fn serial(path: &str, baud: u32) -> Result<Connection, LinkError> {
         let port = serialport::new(path, baud)
             .timeout(Duration::from_millis(100))
-            .open_native()
+            .open()
             .map_err(|error| LinkError::Open {
                 place: path.to_owned(),
                 reason: error.to_string(),
             })?;
         Ok(Connection {
-            transport: Transport::Serial(Box::new(port)),
+            transport: Transport::Serial(port),
             place: path.to_owned(),
             ninth_bit: None,
         })
@@ -233,10 +233,7 @@ impl Connection {
     /// # Errors
     /// [`LinkError::Io`] where the host itself fails.
     pub fn wait(&self, waiter: &Waiter, timeout: Duration) -> Result<bool, LinkError> {
-        let timeout = Timespec {
-            tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: timeout.subsec_nanos().into(),
-        };
+        let timeout = timespec(timeout);
         let woken = PollFd::from_borrowed_fd(waiter.as_waitable(), PollFlags::IN);
         let line = self.waitable();
         // In place of a serial port the waiter stands a second time, waiting for nothing.
@@ -312,7 +309,7 @@ impl Connection {
         let written = match &mut self.transport {
             Transport::Serial(port) => port.write(bytes),
             Transport::Tcp(stream) => (&*stream).write(bytes),
-            Transport::Pty(pty) => rustix::io::write(&*pty, bytes).map_err(io::Error::from),
+            Transport::Pty(pty) => pty.write(bytes),
         };
         match written {
             Ok(count) => Ok(count),
@@ -394,7 +391,7 @@ impl Connection {
                     .map_err(io::Error::from)
                     .and_then(|()| port.write(rest)),
                 Transport::Tcp(stream) => (&*stream).write(rest),
-                Transport::Pty(pty) => rustix::io::write(&*pty, rest).map_err(io::Error::from),
+                Transport::Pty(pty) => pty.write(rest),
             };
             match written {
                 Ok(0) => return Err(self.closed()),
@@ -440,7 +437,7 @@ impl Connection {
             | Kind::NotConnected
             | Kind::UnexpectedEof => self.closed(),
             // The other end of a pseudo terminal, or an adapter, is gone.
-            _ if error.raw_os_error() == Some(Errno::IO.raw_os_error()) => self.closed(),
+            _ if is_unplugged(&error) => self.closed(),
             _ => LinkError::Io {
                 place: self.place.clone(),
                 reason: plain(&error),
@@ -452,7 +449,7 @@ impl Connection {
 fn stream_read(transport: &Transport, buffer: &mut [u8]) -> io::Result<usize> {
     match transport {
         Transport::Tcp(stream) => (&*stream).read(buffer),
-        Transport::Pty(pty) => rustix::io::read(pty, buffer).map_err(io::Error::from),
+        Transport::Pty(pty) => pty.read(buffer),
         Transport::Serial(_) => Err(io::ErrorKind::Unsupported.into()),
     }
 }
@@ -460,16 +457,21 @@ fn stream_read(transport: &Transport, buffer: &mut [u8]) -> io::Result<usize> {
 /// Waits until a line can be read or written, to the nanosecond: a socket's own read time-out is
 /// rounded to the kernel's ticks. An error or a hang-up counts as ready; reading then says which.
 pub(super) fn ready(line: impl AsFd, what: PollFlags, timeout: Duration) -> io::Result<bool> {
-    let timeout = Timespec {
-        tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
-        tv_nsec: timeout.subsec_nanos().into(),
-    };
+    let timeout = timespec(timeout);
     let mut lines = [PollFd::new(&line, what)];
     match poll(&mut lines, Some(&timeout)) {
         Ok(count) => Ok(count > 0),
         Err(Errno::INTR) => Ok(false),
         Err(error) => Err(error.into()),
     }
+}
+
+/// A span as the system takes it, at most as long as it can say.
+pub(super) fn timespec(span: Duration) -> Timespec {
+    Timespec::try_from(span).unwrap_or(Timespec {
+        tv_sec: i64::MAX,
+        tv_nsec: 0,
+    })
 }
 
 /// What went wrong, without the system's number for it.

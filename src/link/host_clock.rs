@@ -1,7 +1,7 @@
 //! The host's two clocks, read together.
 
+use super::system::{monotonic_ns, utc_ns};
 use crate::record::Stamp;
-use rustix::time::{ClockId, Timespec, clock_gettime};
 
 /// How many times the clocks are read at most for one instant.
 const ATTEMPTS: u32 = 4;
@@ -11,7 +11,8 @@ const CLOSE_NS: i64 = 1000;
 /// One instant on both of the host's clocks.
 ///
 /// `CLOCK_REALTIME` is what the world calls the time; it is slewed and stepped. `CLOCK_MONOTONIC_RAW`
-/// runs evenly and is what two clocks are compared by. Their difference tells a step.
+/// runs evenly and is what two clocks are compared by. Their difference tells a step. Other systems
+/// than Unix have their own two clocks in their place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HostInstant {
     /// `CLOCK_REALTIME`.
@@ -47,9 +48,9 @@ impl HostInstant {
 
     /// Reads both clocks; with how long it took, ns.
     fn read() -> (HostInstant, i64) {
-        let before_ns = nanoseconds(clock_gettime(ClockId::MonotonicRaw));
-        let utc_ns = nanoseconds(clock_gettime(ClockId::Realtime));
-        let after_ns = nanoseconds(clock_gettime(ClockId::MonotonicRaw));
+        let before_ns = monotonic_ns();
+        let utc_ns = utc_ns();
+        let after_ns = monotonic_ns();
         let instant = HostInstant {
             utc: Stamp::from_ns(utc_ns),
             raw_ns: before_ns + (after_ns - before_ns) / 2,
@@ -61,10 +62,6 @@ impl HostInstant {
     pub fn utc_minus_raw_ns(self) -> i64 {
         self.utc.ns() - self.raw_ns
     }
-}
-
-fn nanoseconds(time: Timespec) -> i64 {
-    time.tv_sec * 1_000_000_000 + time.tv_nsec
 }
 
 #[cfg(test)]

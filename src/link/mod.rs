@@ -16,6 +16,9 @@
 //! - [`ports()`] the host's serial ports; [`baud`] what a line can carry and a clock can make
 //! - [`latency_timer()`] for how long a USB adapter holds bytes back
 //! - [`faults`] what shall go wrong on an emulated device's lines
+//!
+//! What only Unix has is in `unix`: pseudo terminals, the ninth bit, the pair of sockets behind a
+//! waker, the two clocks. `elsewhere` has the same names for other systems.
 
 mod adapter;
 mod arrivals;
@@ -27,12 +30,17 @@ pub mod emulation;
 mod endpoint;
 pub mod faults;
 mod host_clock;
-mod ninth_bit;
 mod pacing;
 mod ports;
-mod pty;
 mod recording;
 mod waker;
+
+#[cfg(not(unix))]
+#[path = "elsewhere.rs"]
+mod system;
+#[cfg(unix)]
+#[path = "unix/mod.rs"]
+mod system;
 
 pub use adapter::{LatencyTimer, latency_timer};
 pub use arrivals::{Arrivals, ArrivalsError, parse_seconds_ns};
@@ -43,6 +51,6 @@ pub use endpoint::{Endpoint, EndpointError};
 pub use host_clock::HostInstant;
 pub use pacing::Pacing;
 pub use ports::{Adapter, Port, ports};
-pub use pty::Pty;
 pub use recording::{Recorder, RecordingError, Rotation, times_beside, would_write};
+pub use system::Pty;
 pub use waker::{Waiter, Waker, waker};

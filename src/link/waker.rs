@@ -1,19 +1,19 @@
 //! How one thread wakes another that waits for a line.
 
 use super::connection::{LinkError, plain, ready};
+use super::system::{Socket, socket_pair};
 use rustix::event::PollFlags;
+use rustix::fd::{AsFd, BorrowedFd};
 use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 /// The waiting thread's end: see [`Connection::wait`](super::Connection::wait).
 #[derive(Debug)]
-pub struct Waiter(UnixStream);
+pub struct Waiter(Socket);
 
 /// The other threads' end.
 #[derive(Debug)]
-pub struct Waker(UnixStream);
+pub struct Waker(Socket);
 
 /// A waker and who it wakes.
 ///
@@ -21,7 +21,7 @@ pub struct Waker(UnixStream);
 /// [`LinkError::Io`] where the system has no more descriptors.
 pub fn waker() -> Result<(Waker, Waiter), LinkError> {
     let pair = || -> io::Result<(Waker, Waiter)> {
-        let (here, there) = UnixStream::pair()?;
+        let (here, there) = socket_pair()?;
         here.set_nonblocking(true)?;
         there.set_nonblocking(true)?;
         Ok((Waker(here), Waiter(there)))

@@ -58,6 +58,8 @@ pub use passing::{pass_unchanged, passes_unchanged};
 #[cfg(unix)]
 pub(crate) use patient::leave_stuck_writes;
 pub use provenance::Provenance;
+#[cfg(not(unix))]
+pub(crate) use reader::leave_stuck_writes;
 pub use reader::reader_left;
 pub use side::SideInput;
 pub use topics::{TopicContents, topics};

@@ -18,12 +18,12 @@ use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
 use super::{Connection, HostInstant, LinkError, Pty};
 use device::Order;
 use line::Line;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fd::{AsFd, BorrowedFd};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use time::{Time, nanoseconds};
@@ -307,10 +307,7 @@ impl Emulation {
             .into_iter()
             .map(|(line, what)| PollFd::from_borrowed_fd(line, what))
             .collect();
-        let wait = Timespec {
-            tv_sec: i64::try_from(wait.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: wait.subsec_nanos().into(),
-        };
+        let wait = super::connection::timespec(wait);
         match poll(&mut waited, Some(&wait)) {
             Ok(_) | Err(rustix::io::Errno::INTR) => {}
             Err(error) => {

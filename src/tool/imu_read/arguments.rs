@@ -191,7 +191,7 @@ fn parse_sense(text: &str) -> Result<SenseArg, String> {
 }
 
 fn parse_gains(text: &str) -> Result<Gains, String> {
-    let numbers: Result<Vec<u16>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    let numbers: Result<Vec<u16>, _> = text.split(',').map(|n| n.trim().parse::<u16>()).collect();
     let Ok([accel, rate, mag]) = numbers.as_deref() else {
         return Err("three numbers are wanted, such as 8500,10000,2000".to_owned());
     };

@@ -12,13 +12,13 @@ use std::path::Path;
 
 /// A second handle of a port, on which the ninth bit is set.
 #[derive(Debug)]
-pub(super) struct NinthBit {
+pub(in crate::link) struct NinthBit {
     port: File,
 }
 
 impl NinthBit {
     /// Opens the handle; to be done before the port is opened for its exclusive use.
-    pub(super) fn open(path: &Path) -> io::Result<NinthBit> {
+    pub(in crate::link) fn open(path: &Path) -> io::Result<NinthBit> {
         let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits().cast_signed();
         let port = File::options()
             .read(true)
@@ -31,7 +31,7 @@ impl NinthBit {
     /// Waits until everything written is out, then sets the ninth bit of what follows. False where
     /// the port cannot do it.
     #[cfg(target_os = "linux")]
-    pub(super) fn set(&self, mark: bool) -> io::Result<bool> {
+    pub(in crate::link) fn set(&self, mark: bool) -> io::Result<bool> {
         use rustix::termios::{ControlModes, InputModes, OptionalActions, tcgetattr, tcsetattr};
         let wanted = ControlModes::PARENB | ControlModes::CMSPAR;
         let mut termios = tcgetattr(&self.port)?;
@@ -46,7 +46,7 @@ impl NinthBit {
 
     /// There is no such parity on this system.
     #[cfg(not(target_os = "linux"))]
-    pub(super) fn set(&self, _mark: bool) -> io::Result<bool> {
+    pub(in crate::link) fn set(&self, _mark: bool) -> io::Result<bool> {
         Ok(false)
     }
 }

@@ -68,6 +68,14 @@ impl Pty {
     pub fn path(&self) -> &Path {
         &self.path
     }
+
+    pub(in crate::link) fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        rustix::io::read(&self.device, buffer).map_err(io::Error::from)
+    }
+
+    pub(in crate::link) fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        rustix::io::write(&self.device, bytes).map_err(io::Error::from)
+    }
 }
 
 impl AsFd for Pty {
