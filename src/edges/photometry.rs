@@ -185,14 +185,17 @@ impl LevelSums {
         let (value2, rounding2) = (value * value, sample.rounding * sample.rounding);
         let residual = sample.value - value;
         let residual2 = residual * residual;
-        let information = 1.0 / (noise * noise * value2 + rounding2);
+        let variance = noise * noise * value2 + rounding2;
+        // One division for the inverse of the variance and that of the squared value.
+        let inverse = 1.0 / (variance * value2);
+        let information = value2 * inverse;
         let square = residual2 * information;
         let weight = huber(square);
         if weight == 0.0 || !square.is_finite() {
             return;
         }
         // What rounding adds is taken off, so that the rest is the noise.
-        self.scatter.0 += weight * (residual2 - rounding2) / value2;
+        self.scatter.0 += weight * (residual2 - rounding2) * variance * inverse;
         self.scatter.1 += 1.0;
         let by_exponent = value * sample.ln_cos;
         let w = weight * information;

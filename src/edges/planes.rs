@@ -119,7 +119,19 @@ impl Planes {
     /// behind, where it may be either of two.
     pub(super) fn cos_incidence(&self, face: u8, table: &BeamTable, i: usize) -> [f64; 2] {
         let (ray, tau_s) = (table.cos_sin[i], table.time_s(i));
-        let on_face = self.faces[usize::from(face)].cosine(ray);
+        let face = usize::from(face);
+        let on_face = self.faces[face].cosine(ray);
+        // Nearly always the surface right behind the face comes first by far, which shows without a
+        // division, and it is parallel to the face.
+        let (behind, behind_m) = (&self.behind[face], self.behind[face].distance_m(tau_s));
+        let reached = CORNER * behind.cosine(ray);
+        let is_later = |k: usize| {
+            let (other, other_m) = (&self.behind[k], self.behind[k].distance_m(tau_s));
+            other_m > 0.0 && other.cosine(ray) * behind_m < reached * other_m
+        };
+        if reached > 0.0 && behind_m > 0.0 && is_later((face + 1) % 3) && is_later((face + 2) % 3) {
+            return [on_face, on_face];
+        }
         // How soon each is met.
         let soon = self
             .behind

@@ -261,7 +261,7 @@ impl ReflectorFit {
             let tukey_m = (TUKEY * sigma_m).max(TUKEY_MIN_M);
             let weighting = Weighting {
                 gate_m: coarse.unwrap_or(tukey_m),
-                tukey_m: coarse.map_or(tukey_m, |_| f64::INFINITY),
+                tukey_m,
                 gap_m: self.gap_m.unwrap_or(f64::INFINITY),
             };
             let sectors = sectors(&lines, &self.beams);

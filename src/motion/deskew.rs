@@ -337,8 +337,8 @@ impl LineFit {
         let seen = self.lines.iter().zip(self.seen).filter(|(_, seen)| *seen);
         let mut lines = seen.flat_map(|(line, _)| [line.d_m, line.alpha_rad]);
         lines.all(f64::is_finite)
-            && self.covariance.iter().all(|v| v.is_finite())
-            && self.sensitivity.iter().all(|v| v.is_finite())
+            && self.covariance.as_slice().iter().all(|v| v.is_finite())
+            && self.sensitivity.as_slice().iter().all(|v| v.is_finite())
     }
 
     /// The covariance with the uncertainty of a motion that does not depend on this scan's noise.

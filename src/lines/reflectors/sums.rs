@@ -37,7 +37,8 @@ pub(super) struct Sector<'a> {
 pub(super) struct Weighting {
     /// Residuals beyond this do not, m.
     pub gate_m: f64,
-    /// Where Tukey's biweight vanishes, m; infinite: all beams within the gate count alike.
+    /// Where Tukey's biweight vanishes, m; of the last passes only, before them all beams within
+    /// the gate count alike.
     pub tukey_m: f64,
     /// How far behind the line the next surface is, m; infinite where there is none.
     pub gap_m: f64,
@@ -114,8 +115,13 @@ impl LineSums {
             }
             let sin_phi = sin * cos_alpha - cos * sin_alpha;
             let a = -(predicted_m * sin_phi + along_m_s * tau_s) * inverse;
-            let taper = 1.0 - e * e * flatness;
-            let w = taper * taper;
+            // Before the last passes all beams within the gate count alike.
+            let w = if LAST {
+                let taper = 1.0 - e * e * flatness;
+                taper * taper
+            } else {
+                1.0
+            };
             let (wd, wa, we) = (w * inverse, w * a, w * e);
             s.dd += wd * inverse;
             s.da += wd * a;
