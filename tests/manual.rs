@@ -76,7 +76,7 @@ fn every_column_of_every_record_is_described() {
 fn every_status_is_described() {
     let described = entries(&page("cablepose-formats.5"));
     let known: Vec<String> = (0..32)
-        .filter_map(|bit| Status::from_bit(bit))
+        .filter_map(Status::from_bit)
         .map(|status| status.to_string())
         .collect();
     assert_eq!(described.get("STATUS"), Some(&known));
