@@ -18,7 +18,7 @@ fn a_wrong_height_is_found_from_scans_and_corrected() {
                  --imu-pitch-sigma-deg 0";
     sh(
         &dir,
-        &format!("{RUN} > scans.csv; {poses} < scans.csv > poses.csv"),
+        &format!("{RUN} > scans.csv; cat scans.csv | {poses} > poses.csv"),
     )
     .expect(0);
     let json = sh(
@@ -51,7 +51,7 @@ fn a_wrong_height_is_found_from_scans_and_corrected() {
     let again = RUN.replace("--robot robot.toml", "--robot corrected.toml");
     sh(
         &dir,
-        &format!("{again} > scans.csv; {poses} < scans.csv > again.csv"),
+        &format!("{again} > scans.csv; cat scans.csv | {poses} > again.csv"),
     )
     .expect(0);
     let json = sh(

@@ -132,15 +132,18 @@ pub(in crate::report) fn heat_map(heat: &Heat<'_>, width: u32, label: &str) -> D
     })
 }
 
-/// The cells; neighbours in a row that read the same are one shape.
+/// The cells; neighbours in a row that read and look the same are one shape.
 fn cells(plot: &Plot<'_>, heat: &Heat<'_>, hover: &Hover) -> DrawResult {
     let columns = heat.layout.count[0].max(1);
+    let look_alike = 0.02 * (heat.range[1] - heat.range[0]).abs();
     for (j, row) in heat.values.chunks(columns).enumerate() {
         let mut i = 0;
         while let Some(value) = row.get(i) {
             let text = fixed(*value, heat.decimals);
             let alike = row.iter().skip(i).take_while(|v| {
-                v.is_finite() == value.is_finite() && fixed(**v, heat.decimals) == text
+                v.is_finite() == value.is_finite()
+                    && fixed(**v, heat.decimals) == text
+                    && !((**v - value).abs() > look_alike)
             });
             let end = i + alike.count().max(1);
             if value.is_finite() {

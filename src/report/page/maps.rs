@@ -64,7 +64,7 @@ fn maps() -> Vec<Map> {
             ..map("votes", "Votes", "mean", 6, Cell::votes)
         },
         Map {
-            decimals: 1,
+            decimals: 2,
             ..map("edges", "Edges", "mean", 7, Cell::edges)
         },
         Map {
