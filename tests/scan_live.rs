@@ -408,7 +408,7 @@ fn a_restart_soon_after_the_last_is_no_late_telegram() {
     let scans = (seqs[seqs.len() - 1] - seqs[0]) as f64;
     let lasted_s = (stamps[stamps.len() - 1] - stamps[0]) as f64 * 1e-9;
     assert!(
-        (lasted_s / (scans * 0.04) - 1.0).abs() < 0.2,
+        (lasted_s * 35.0 / scans - 1.0).abs() < 0.2,
         "{scans} in {lasted_s} s"
     );
 }

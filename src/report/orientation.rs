@@ -58,7 +58,7 @@ pub struct AngleResult {
     pub trace: Trace,
 }
 
-/// One rate: that of the poses against the gyro's mean over the same [`WINDOW_S`].
+/// One rate: that of the poses against the gyro's mean over the same short windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateResult {
     /// Windows.
