@@ -10,7 +10,7 @@
 use super::check::{BadField, Checks, StreamRecord};
 use super::csv::RowError;
 use super::exit::Fault;
-use super::mcap_lengths;
+use super::mcap_bytes::{self, Damage, Feed};
 use super::output::Output;
 use super::provenance::{self, Provenance};
 use super::ros2::{Bodies, MARKERS, Message, Messages, TF_STATIC, Topic};
@@ -20,9 +20,9 @@ use super::{Options, Role};
 use crate::frame::{Frame, Scanner};
 use crate::record::{ImuSample, Stamp};
 use mcap::records::{MessageHeader, Metadata, Record as McapRecord, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 use mcap::write::NoSeek;
-use mcap::{Compression, McapError, WriteOptions};
+use mcap::{Compression, WriteOptions};
 use std::collections::{BTreeMap, HashMap};
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
@@ -32,11 +32,8 @@ const PROFILE: &str = "ros2";
 const SCHEMA_ENCODING: &str = "ros2msg";
 const MESSAGE_ENCODING: &str = "cdr";
 
-/// A read takes what a pipe holds at once, a write fills it.
+/// A write fills what a pipe holds at once.
 const BUFFER: usize = 1 << 16;
-
-/// Messages above this are taken for damage.
-const MESSAGE_LIMIT: usize = 1 << 28;
 
 /// A chunk of a live stream is closed at this age.
 const CHUNK_AGE: Duration = Duration::from_secs(1);
@@ -366,7 +363,7 @@ impl Channels {
 /// Reads one kind of record and hands on everything.
 pub(super) struct McapReader<R: StreamRecord> {
     linear: LinearReader,
-    input: Box<dyn Read>,
+    feed: Feed<Box<dyn Read>>,
     state: State<R>,
 }
 
@@ -412,12 +409,9 @@ enum Step {
 
 impl<R: StreamRecord> McapReader<R> {
     pub(super) fn new(input: Box<dyn Read>, name: &str, role: Role) -> Self {
-        let options = LinearReaderOptions::default()
-            .with_record_length_limit(MESSAGE_LIMIT)
-            .with_validate_chunk_crcs(true);
         McapReader {
-            linear: LinearReader::new_with_options(options),
-            input,
+            linear: mcap_bytes::linear_reader(),
+            feed: Feed::new(input),
             state: State {
                 name: name.to_owned(),
                 role,
@@ -456,12 +450,11 @@ impl<R: StreamRecord> McapReader<R> {
         loop {
             match self.linear.next_event() {
                 None => return self.state.end().map(|()| false).map_err(RowError::Fatal),
-                Some(Err(error)) => return Err(self.state.damaged(error)),
+                Some(Err(error)) => return Err(self.state.damaged(&error.into())),
                 Some(Ok(LinearReadEvent::ReadRequest(_))) => {
-                    let space = self.linear.insert(BUFFER);
-                    let length = self.input.read(space);
-                    let length = length.map_err(|error| RowError::Fatal(error.into()))?;
-                    self.linear.notify_read(length);
+                    let given = self.feed.give(&mut self.linear);
+                    let given = given.map_err(|error| RowError::Fatal(error.into()))?;
+                    given.map_err(|damage| self.state.damaged(&damage))?;
                 }
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
                     match self.state.take(opcode, data, pass, window)? {
@@ -496,15 +489,7 @@ impl<R: StreamRecord> State<R> {
         ) {
             return Ok(Step::Nothing);
         }
-        if !mcap_lengths::fit(opcode, data) {
-            let (name, records, kind) = (&self.name, self.records, R::KIND);
-            let text = format!(
-                "{name}: not a whole MCAP after {records} {kind} records: a length in record \
-                 {opcode:02x} goes beyond it"
-            );
-            return Err(RowError::Fatal(Fault::BadData(text).into()));
-        }
-        let record = mcap::parse_record(opcode, data).map_err(|error| self.damaged(error))?;
+        let record = mcap_bytes::parse(opcode, data).map_err(|damage| self.damaged(&damage))?;
         match record {
             McapRecord::Message { header, data } => self.message(&header, &data, pass, window),
             McapRecord::Schema { header, data } => {
@@ -633,15 +618,9 @@ impl<R: StreamRecord> State<R> {
     }
 
     /// The error of a file that cannot be read on.
-    fn damaged(&self, error: McapError) -> RowError {
-        let (name, records, kind) = (&self.name, self.records, R::KIND);
-        let fault = match error {
-            McapError::UnexpectedEof | McapError::UnexpectedEoc => {
-                format!("{name}: ends in the middle: it was cut off after {records} {kind} records")
-            }
-            error => format!("{name}: not a whole MCAP after {records} {kind} records: {error}"),
-        };
-        RowError::Fatal(Fault::BadData(fault).into())
+    fn damaged(&self, damage: &Damage) -> RowError {
+        let place = format!(" after {} {} records", self.records, R::KIND);
+        RowError::Fatal(damage.fault(&self.name, &place).into())
     }
 
     /// At the end: a stream that never had such records was not meant for this.

@@ -24,7 +24,7 @@ mod flow;
 mod input;
 mod kinds;
 mod mcap;
-mod mcap_lengths;
+mod mcap_bytes;
 mod output;
 mod passing;
 #[cfg(unix)]

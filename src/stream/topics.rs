@@ -1,20 +1,14 @@
 //! What is in an MCAP file, topic by topic, whatever it is.
 
 use super::Options;
-use super::exit::Fault;
 use super::input::Bytes;
+use super::mcap_bytes::{self, Damage, Feed};
 use mcap::records::Record as McapRecord;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::linear_reader::LinearReadEvent;
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, HashMap};
 use std::hash::Hasher;
-use std::io::Read;
 use std::path::Path;
-
-/// Messages above this are taken for damage.
-const MESSAGE_LIMIT: usize = 1 << 28;
-/// A read takes what a pipe holds at once.
-const BUFFER: usize = 1 << 16;
 
 /// A topic's messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -28,27 +22,23 @@ pub struct TopicContents {
 /// The topics of an MCAP file by name, those without messages included.
 ///
 /// # Errors
-/// [`Fault::NoInput`] where it cannot be opened, [`Fault::BadData`] where it is damaged.
+/// [`Fault::NoInput`](super::Fault::NoInput) where it cannot be opened, [`Fault::BadData`](super::Fault::BadData) where it is damaged.
 pub fn topics(path: &Path, options: &Options) -> anyhow::Result<BTreeMap<String, TopicContents>> {
-    let mut bytes = Bytes::open(Some(path), options)?;
-    let read = LinearReaderOptions::default()
-        .with_record_length_limit(MESSAGE_LIMIT)
-        .with_validate_chunk_crcs(true);
-    let mut reader = LinearReader::new_with_options(read);
+    let bytes = Bytes::open(Some(path), options)?;
     let name = bytes.name().to_owned();
-    let damaged =
-        |error: mcap::McapError| Fault::BadData(format!("{name}: not a whole MCAP: {error}"));
+    let damaged = |damage: Damage| damage.fault(&name, "");
+    let mut feed = Feed::new(bytes);
+    let mut reader = mcap_bytes::linear_reader();
     let mut schemas: HashMap<u16, String> = HashMap::new();
     let mut channels: HashMap<u16, String> = HashMap::new();
     let mut topics: BTreeMap<String, TopicContents> = BTreeMap::new();
     while let Some(event) = reader.next_event() {
-        match event.map_err(damaged)? {
+        match event.map_err(|error| damaged(error.into()))? {
             LinearReadEvent::ReadRequest(_) => {
-                let length = bytes.read(reader.insert(BUFFER))?;
-                reader.notify_read(length);
+                feed.give(&mut reader)?.map_err(damaged)?;
             }
             LinearReadEvent::Record { data, opcode } => {
-                match mcap::parse_record(opcode, data).map_err(damaged)? {
+                match mcap_bytes::parse(opcode, data).map_err(damaged)? {
                     McapRecord::Schema { header, .. } => {
                         schemas.insert(header.id, header.name);
                     }
