@@ -24,11 +24,11 @@ mod crossing;
 pub mod edit;
 mod imu_axes;
 mod scanner_model;
-
-pub(crate) use config::place;
+pub(crate) mod toml_file;
 
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
-pub use config::{Calibration, ConfigError, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
+pub use config::{Calibration, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
 pub use imu_axes::ImuAxes;
 pub use scanner_model::{Optics, ScanMode, ScannerModel};
+pub use toml_file::ConfigError;

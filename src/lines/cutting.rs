@@ -20,8 +20,8 @@ pub trait Cutter {
     /// What all extractors share.
     fn common(&self) -> &ExtractorOptions;
 
-    /// Chi-square by which a common line may be worse than two, for runs to be joined.
-    fn merge_chi2(&self) -> f64;
+    /// Which runs of `scan` may be joined.
+    fn merge_rule(&self, scan: &Scan) -> MergeRule;
 
     /// Adds the runs of `group`, whose first beam is the return with number `offset`, to `runs`, in
     /// beam order.
@@ -58,8 +58,8 @@ impl<C: Cutter> Extractor for Cutting<C> {
             let group = self.returns.beams().run(from, to);
             self.cutter.cut(group, from, &mut self.runs);
         }
-        let rule = MergeRule::new(self.cutter.merge_chi2(), &options, scan);
-        self.runs.merge(&self.returns, &rule);
+        self.runs
+            .merge(&self.returns, &self.cutter.merge_rule(scan));
         self.assembly
             .add_all(scan, &self.returns, &self.runs, &options, out);
     }

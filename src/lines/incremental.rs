@@ -8,7 +8,8 @@
 use super::cutting::{Cutter, Cutting};
 use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
-use super::runs::Runs;
+use super::runs::{MergeRule, Runs};
+use crate::record::Scan;
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,8 +56,8 @@ impl Cutter for Tracking {
         &self.options.common
     }
 
-    fn merge_chi2(&self) -> f64 {
-        self.options.merge_chi2
+    fn merge_rule(&self, scan: &Scan) -> MergeRule {
+        MergeRule::new(self.options.merge_chi2, &self.options.common, scan)
     }
 
     fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {

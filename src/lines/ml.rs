@@ -19,12 +19,11 @@
 //! Both leave the optimum as it is. Neighbouring groups and runs behind an obstacle are joined
 //! afterwards ([`super::runs`]).
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::cutting::{Cutter, Cutting};
+use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, DEGENERATE, InverseRangeSums, PrefixSums};
 use super::runs::{MergeRule, Runs};
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use crate::record::Scan;
 
 /// Settings of the extractor. The defaults suit an LMS500.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,61 +57,56 @@ impl Default for MlOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type Ml = Cutting<Partitioning>;
+
+/// Cuts a group by its cheapest partition.
 #[derive(Clone, Debug, Default)]
-pub struct Ml {
-    /// The settings; may be changed between scans.
-    pub options: MlOptions,
-    returns: Returns,
+pub struct Partitioning {
+    options: MlOptions,
     partition: Partition,
-    runs: Runs,
-    assembly: Assembly,
 }
 
-impl Ml {
-    /// An extractor with the given settings.
-    pub fn new(options: MlOptions) -> Ml {
-        Ml {
-            options,
-            ..Ml::default()
-        }
+impl Partitioning {
+    /// Standard deviation of a range, m, with the unevenness of the wall.
+    fn sigma_m(&self) -> f64 {
+        let noise_m = self.options.common.segmentation.sigma_m;
+        noise_m.hypot(self.options.flatness_m)
     }
 }
 
-impl Extractor for Ml {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        let options = self.options.common;
-        self.returns.read(scan, &options.segmentation);
-        self.runs.clear();
-        let sigma_m = options.segmentation.sigma_m.hypot(self.options.flatness_m);
+impl Cutter for Partitioning {
+    type Options = MlOptions;
+
+    fn new(options: MlOptions) -> Partitioning {
+        Partitioning {
+            options,
+            ..Partitioning::default()
+        }
+    }
+
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn merge_rule(&self, scan: &Scan) -> MergeRule {
+        MergeRule {
+            sigma_m: self.sigma_m(),
+            ..MergeRule::new(self.options.merge_chi2, &self.options.common, scan)
+        }
+    }
+
+    fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         let costs = Costs {
-            per_m2: 1.0 / (sigma_m * sigma_m),
+            per_m2: self.sigma_m().powi(-2),
             line: self.options.line_cost,
             clutter: self.options.clutter_cost,
             min_run: self.options.min_run.max(2),
         };
-        for (from, to) in self.returns.groups() {
-            let group = self.returns.beams().run(from, to);
-            self.partition.find(group, &costs);
-            for (a, b, sums) in self.partition.lines() {
-                self.runs.push(from + a, from + b, sums);
-            }
+        self.partition.find(group, &costs);
+        for (a, b, sums) in self.partition.lines() {
+            runs.push(offset + a, offset + b, sums);
         }
-        let rule = MergeRule {
-            sigma_m,
-            ..MergeRule::new(self.options.merge_chi2, &options, scan)
-        };
-        self.runs.merge(&self.returns, &rule);
-        self.assembly
-            .add_all(scan, &self.returns, &self.runs, &options, out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
     }
 }
 

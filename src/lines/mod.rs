@@ -9,8 +9,8 @@
 //! - [`fit`] one line to given beams, plain or robust, and run costs in O(1)
 //! - [`split_and_merge`] runs of beams on one line each
 //! - [`iepf`], [`incremental`], [`line_regression`] the classical ways to the same
-//! - [`cutting`] what these four share
 //! - [`ml`] the most likely partition into runs
+//! - [`cutting`] what these five share
 //! - [`known_lines`] a second look at a scan, with the lines of the first
 //! - [`runs`] runs of beams joined where one line explains them together
 //! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken

@@ -1,7 +1,8 @@
 //! `robot.toml`: the cables of a robot, read and checked.
 
 use super::Pose;
-use crate::frame::{ConfigError, place};
+use crate::frame::ConfigError;
+use crate::frame::toml_file::{self, Unsound};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use std::path::Path;
@@ -77,10 +78,7 @@ impl Robot {
     /// # Errors
     /// As [`Robot::read`].
     pub fn read_with_text(path: &Path) -> Result<(Robot, String), ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|why| ConfigError::Read {
-            path: path.to_owned(),
-            why,
-        })?;
+        let text = toml_file::read(path)?;
         Ok((Robot::parse(&text, path)?, text))
     }
 
@@ -89,19 +87,7 @@ impl Robot {
     /// # Errors
     /// As [`Robot::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Robot, ConfigError> {
-        let robot: Robot = toml::from_str(text).map_err(|error| ConfigError::Syntax {
-            path: path.to_owned(),
-            place: error
-                .span()
-                .map_or(" ".to_owned(), |span| place(text, span.start)),
-            why: error.message().to_owned(),
-        })?;
-        robot.check().map_err(|(key, why)| ConfigError::Value {
-            path: path.to_owned(),
-            key,
-            why,
-        })?;
-        Ok(robot)
+        toml_file::parse(text, path, Robot::check)
     }
 
     /// The groups of cables, in the file's order, each once.
@@ -115,7 +101,7 @@ impl Robot {
         groups
     }
 
-    fn check(&self) -> Result<(), (String, String)> {
+    fn check(&self) -> Result<(), Unsound> {
         let fault = |key: String, why: String| Err((key, why));
         if !(self.pulley_radius_m >= 0.0 && self.pulley_radius_m < 10.0) {
             let why = format!("{} is no radius in metres", self.pulley_radius_m);

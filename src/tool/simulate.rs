@@ -3,7 +3,7 @@
 
 mod args;
 mod cola;
-mod dilution;
+pub(in crate::tool) mod dilution;
 mod jobs;
 mod office;
 mod robot;

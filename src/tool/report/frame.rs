@@ -8,6 +8,7 @@ use crate::report::frame::{self, Beams, Place, Survey};
 use crate::report::{Gate, GateError, Layout, origin};
 use crate::simulate::scanner::{self, Scanner};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
+use crate::tool::simulate::dilution::by_remission;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -263,11 +264,7 @@ fn assumptions(args: &FrameArgs) -> (Assumptions, String) {
         range_sigma_m: args.sigma_mm.max(0.01) * 1e-3,
         pitch_sigma_rad: args.pitch_sigma_deg.to_radians(),
         edges: if with_remission {
-            EdgeModel::Remission {
-                noise: remission.noise,
-                contrast: remission.contrast,
-                floor: 1.0 / remission.digits / 12f64.sqrt(),
-            }
+            by_remission(&remission)
         } else {
             EdgeModel::Ranges
         },

@@ -6,6 +6,7 @@ use crate::frame::Frame;
 use crate::pose::information::{self, Assumptions, EdgeModel, Fan};
 use crate::record::text::push_f64;
 use crate::report::{AXES, Cells, Layout, dilution};
+use crate::simulate::parameters::Remission;
 use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
@@ -202,15 +203,20 @@ fn assumptions(args: &Args, parameters: &Parameters) -> Assumptions {
         bias_sigma_m: if has(Effect::Bias) { 0.015 } else { 1e-5 },
         pitch_sigma_rad: args.dilution.dilution_pitch_sigma_deg.to_radians(),
         edges: if has(Effect::Remission) {
-            EdgeModel::Remission {
-                noise: remission.noise,
-                contrast: remission.contrast,
-                floor: 1.0 / remission.digits / 12f64.sqrt(),
-            }
+            by_remission(remission)
         } else {
             EdgeModel::Ranges
         },
         ..Assumptions::default()
+    }
+}
+
+/// Edges by remission, as the simulator has it.
+pub(in crate::tool) fn by_remission(remission: &Remission) -> EdgeModel {
+    EdgeModel::Remission {
+        noise: remission.noise,
+        contrast: remission.contrast,
+        floor: 1.0 / remission.digits / 12f64.sqrt(),
     }
 }
 
