@@ -256,3 +256,20 @@ fn the_chain_of_stages_is_shown() {
         bare.text()
     );
 }
+
+#[test]
+fn a_file_is_no_folder() {
+    let dir = a_run("report-no-folder");
+    std::fs::write(dir.join("there"), "").unwrap();
+    for option in ["--svg there", "--png there", "--export tum there"] {
+        let ended = sh(
+            &dir,
+            &format!("report -q --truth truth.csv {option} poses.csv"),
+        );
+        assert_eq!(ended.status, 74, "{option}: {}", ended.stderr);
+        assert_eq!(
+            ended.stderr, "report: there: is there and no folder\n",
+            "{option}"
+        );
+    }
+}

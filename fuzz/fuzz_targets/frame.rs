@@ -1,9 +1,11 @@
 //! Any text as a frame file: it is refused or makes a frame whose geometry can be worked with, and
-//! a calibration that is put into the text is what the text then says.
+//! a calibration that is put into the text is what the text then says. And as a robot file: refused,
+//! or a robot whose cables have lengths.
 #![no_main]
 
 use cablepose::frame::{Frame, ScannerPose, edit};
 use cablepose::record::Face;
+use cablepose::robot::{Pose, Robot};
 use cablepose_fuzz::bounded;
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
@@ -14,6 +16,14 @@ fuzz_target!(|data: &[u8]| {
     };
     let path = Path::new("frame.toml");
     let limit = (4 << 20) + 1024 * text.len() as u64;
+    if let Ok(robot) = bounded(limit, || Robot::parse(text, path)) {
+        let pose = Pose::new(0.1, -1.0, 2.0, 0.05, -0.1, 0.2);
+        if let Ok(lengths_m) = robot.lengths(&pose) {
+            assert_eq!(lengths_m.len(), robot.cables.len());
+            let _ = robot.forward(&lengths_m, &pose);
+        }
+        let _ = robot.groups();
+    }
     let Ok(frame) = bounded(limit, || Frame::parse(text, path)) else {
         return;
     };

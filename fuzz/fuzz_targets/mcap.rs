@@ -1,5 +1,5 @@
 //! Any bytes as MCAP with any record wanted of it, and through a filter that passes on the rest:
-//! nothing panics, the pieces that the bytes come in make no difference, and no length in the file
+//! nothing panics, the pieces that the bytes come in make no difference to the records, and no length in the file
 //! decides how much memory is taken.
 #![no_main]
 
@@ -29,6 +29,13 @@ impl Stage for Same {
     }
 }
 
+/// The records, and whether a fault ended them. Which fault depends on the pieces where a compressed chunk
+/// is both damaged and cut off: what is met first.
+fn told(seen: Vec<String>) -> Vec<String> {
+    let fault = |text: String| if text.starts_with("fuzz: ") { "fault".to_owned() } else { text };
+    seen.into_iter().map(fault).collect()
+}
+
 fuzz_target!(|data: &[u8]| {
     let Some(([head, piece], bytes)) = data.split_first_chunk::<2>() else {
         return;
@@ -43,7 +50,8 @@ fuzz_target!(|data: &[u8]| {
     // A chunk of a few bytes may unfold to 64 MiB.
     let limit = (256 << 20) + 256 * bytes.len() as u64;
     let whole = bounded(limit, || reading.read(bytes, 1 << 16));
-    assert_eq!(whole, reading.read(bytes, usize::from(*piece)));
+    let pieces = reading.read(bytes, usize::from(*piece));
+    assert_eq!(told(whole), told(pieces));
     if head & 64 != 0 {
         let (from, to) = (memory_file(), memory_file().with_extension("out"));
         fs::write(&from, bytes).unwrap();

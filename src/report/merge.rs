@@ -59,7 +59,7 @@ mod tests {
         let other = run("b", &reference, 300, 2.0);
         let merged = merge(vec![cut(200, 300), other.clone(), cut(0, 90), cut(90, 200)]);
         assert_eq!(merged.len(), 2);
-        assert_eq!(merged[0].source, "3 files, a.csv to a.csv");
+        assert_eq!(merged[0].source, "3 files, a.csv");
         let cases = |runs| evaluate(runs, &reference, &Settings::default());
         let apart = cases(vec![whole, other]);
         let mut together = cases(merged);

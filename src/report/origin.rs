@@ -63,12 +63,16 @@ pub fn parts(given: &[String]) -> Vec<Source> {
     parts
 }
 
-/// What several inputs are called together: `a.csv`, `a.csv and b.csv`, `4 files, a.csv to d.csv`.
+/// What several inputs are called together: `a.csv`, `a.csv and b.csv`, `4 files, a.csv to d.csv`, or
+/// `4 files, a.csv` where all have one name, each in a folder of its own.
 pub fn input_names(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
     match &names[..] {
         [] => String::new(),
         [one] => one.clone(),
+        [first, ..] if names.iter().all(|name| name == first) => {
+            format!("{} files, {first}", names.len())
+        }
         [one, other] => format!("{one} and {other}"),
         [first, .., last] => format!("{} files, {first} to {last}", names.len()),
     }
@@ -194,6 +198,7 @@ mod tests {
         assert_eq!(together(&["a"]), "a");
         assert_eq!(together(&["a", "b"]), "a and b");
         assert_eq!(together(&["a", "b", "c"]), "3 files, a to c");
+        assert_eq!(together(&["a", "a"]), "2 files, a");
     }
 
     #[test]

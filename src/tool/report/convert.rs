@@ -1,5 +1,6 @@
 //! `report convert`: files of records in other encodings, several in one, one in several.
 
+use super::outputs;
 use crate::report::origin;
 use crate::stream::{
     Bytes, Encoding, Fault, Kind, Lane, Loss, Options, Outcome, Output, lane_of, lanes, write_lanes,
@@ -186,8 +187,7 @@ fn apart(
     target: Encoding,
     options: &Options,
 ) -> anyhow::Result<Outcome> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Fault::Io(format!("{}: {error}", folder.display())))?;
+    outputs::folder(folder)?;
     let ending = match target {
         Encoding::Csv => "csv",
         Encoding::Mcap => "mcap",

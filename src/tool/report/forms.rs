@@ -1,6 +1,7 @@
 //! The forms that a report is printed in, and the trajectories that it gives away.
 
 use super::inputs::Inputs;
+use super::outputs;
 use crate::report::{Case, Report, Run, chain, export, json, tables, terminal};
 use crate::stream::{Encoding, Fault, Options, Output, Role};
 use std::path::PathBuf;
@@ -98,8 +99,7 @@ impl Export {
         role: Role,
         options: &Options,
     ) -> anyhow::Result<()> {
-        std::fs::create_dir_all(&self.folder)
-            .map_err(|error| Fault::Io(format!("{}: {error}", self.folder.display())))?;
+        outputs::folder(&self.folder)?;
         let reference = if role == Role::Truth {
             "truth"
         } else {

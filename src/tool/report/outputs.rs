@@ -53,3 +53,14 @@ fn place(path: &Path) -> PathBuf {
         _ => path,
     }
 }
+
+/// Makes a folder for several files, unless it is there.
+pub(super) fn folder(path: &Path) -> Result<(), Fault> {
+    fs::create_dir_all(path).map_err(|error| {
+        let why = match error.kind() {
+            std::io::ErrorKind::AlreadyExists => "is there and no folder".to_owned(),
+            _ => error.to_string(),
+        };
+        Fault::Io(format!("{}: {why}", path.display()))
+    })
+}

@@ -1,9 +1,8 @@
 //! The figures of a report as files, one each.
 
+use super::outputs;
 use crate::report::{Figure, MapStyle};
 use crate::stream::{Fault, WholeFile};
-use anyhow::Context;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Pixels of a PNG for a pixel of the page.
@@ -57,7 +56,7 @@ fn into(
     ending: &str,
     bytes: impl Fn(&Figure) -> anyhow::Result<Vec<u8>>,
 ) -> anyhow::Result<()> {
-    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    outputs::folder(folder)?;
     for figure in figures {
         let path = folder.join(format!("{}.{ending}", figure.name));
         WholeFile::open(Some(&path))?.finish(bytes(figure)?)?;
