@@ -49,6 +49,11 @@ pub const AXES: [Axis; 8] = [
     angle("rotation"),
 ];
 
+/// The six components of a pose, numbered.
+pub(super) fn components() -> impl Iterator<Item = (usize, &'static Axis)> {
+    AXES.iter().take(POSITION).enumerate()
+}
+
 /// Where the position's distance is in [`AXES`].
 pub(super) const POSITION: usize = 6;
 /// Where the rotation's angle is.

@@ -2,6 +2,7 @@
 
 use crate::frame::{Frame, ScannerPose, Strip};
 use crate::record::Face;
+use crate::report::quality::FACES;
 
 /// The beams of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,9 +41,6 @@ pub struct Met {
     /// What is there; none is the bare face.
     pub reflector: Option<Reflector>,
 }
-
-/// The faces that can be met.
-pub const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 
 /// From where to where a strip goes along x, m.
 pub fn extent(strip: &Strip, frame: &Frame) -> [f64; 2] {

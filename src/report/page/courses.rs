@@ -2,10 +2,9 @@
 
 use super::super::axis::{AXES, Axis};
 use super::super::case::{AxisResult, Case};
-use super::super::figure::{self, Course};
+use super::super::figure::{self, Course, HALF, THIRD, WHOLE};
 use super::super::number::count;
 use super::super::picture::Figure;
-use super::WIDTHS;
 use super::cards::quantity;
 
 /// The components that get a course as wide as the page, and those that get half of it.
@@ -20,7 +19,7 @@ fn result(case: &Case, index: usize) -> Option<&AxisResult> {
 pub(super) fn wide(case: &Case, several: bool) -> Vec<Figure> {
     let axes: &[usize] = if several { &[] } else { &WIDE };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[0], 190), several))
+    axes.filter_map(|i| course(case, *i, (WHOLE, 190), several))
         .collect()
 }
 
@@ -28,7 +27,7 @@ pub(super) fn wide(case: &Case, several: bool) -> Vec<Figure> {
 pub(super) fn small(case: &Case, several: bool) -> Vec<Figure> {
     let axes: &[usize] = if several { &WIDE } else { &SMALL };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[1], 150), several))
+    axes.filter_map(|i| course(case, *i, (HALF, 150), several))
         .collect()
 }
 
@@ -98,7 +97,7 @@ pub(super) fn distributions(case: &Case, several: bool) -> Vec<Figure> {
             axis.symbol.to_owned()
         };
         let label = format!("Distribution of the error in {}", axis.name);
-        let size = (WIDTHS[2], 140);
+        let size = (THIRD, 140);
         let drawing = figure::histogram(&result.histogram, &result.statistics, axis, size, &label);
         let name = format!("distribution-{}", axis.name);
         Some(Figure::new(

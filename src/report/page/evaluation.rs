@@ -4,7 +4,7 @@
 use super::super::axis::AXES;
 use super::super::canvas::ink;
 use super::super::case::Case;
-use super::super::figure::{self, Course, Mark, Series, TRIPLE};
+use super::super::figure::{self, Course, HALF, Mark, Series, THIRD, TRIPLE};
 use super::super::lag::Delay;
 use super::super::number::{NONE, count, fixed};
 use super::super::orientation::Orientation;
@@ -13,7 +13,7 @@ use super::super::quality::FACES;
 use super::super::scale::above;
 use super::super::statistics::Statistics;
 use super::super::trace::Trace;
-use super::{WIDTHS, courses, row};
+use super::{courses, row};
 use maud::{Markup, html};
 use plotters::style::RGBColor;
 
@@ -46,7 +46,7 @@ fn delay_figure(case: &Case) -> Option<Figure> {
         ),
     };
     let title = "Error against the delay taken out";
-    let drawing = figure::curve(&points, Some(&mark), (WIDTHS[1], 170), title);
+    let drawing = figure::curve(&points, Some(&mark), (HALF, 170), title);
     Some(Figure::new("delay", title, "rms, mm; delay in ms", drawing))
 }
 
@@ -106,7 +106,7 @@ pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
         return Vec::new();
     };
     let axis = &AXES[0];
-    let size = (WIDTHS[1], 150);
+    let size = (HALF, 150);
     let along = courses::of(
         &track.along,
         axis,
@@ -174,7 +174,7 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
             step_px: 1,
         };
         let title = format!("Pose − IMU in {name}, less the offset");
-        let drawing = figure::over_time(&course, (WIDTHS[2], 140), &title);
+        let drawing = figure::over_time(&course, (THIRD, 140), &title);
         Some(Figure::new(&format!("imu-{name}"), title, "°", drawing))
     };
     angles.filter_map(figure).collect()
@@ -229,7 +229,7 @@ fn orientation_table(found: &Orientation) -> Markup {
 /// What the poses rest on: edges, votes, residuals; over time too where the page is one run's.
 pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
     let quality = &case.quality;
-    let size = (WIDTHS[2], 140);
+    let size = (THIRD, 140);
     let mut figures = Vec::new();
     for (name, what, title, counts) in [
         (
@@ -297,7 +297,7 @@ fn counted(name: &str, title: &str, trace: &Trace) -> Option<Figure> {
         range: [0.0, above(top)],
         step_px: 1,
     };
-    let drawing = figure::over_time(&course, (WIDTHS[2], 140), title);
+    let drawing = figure::over_time(&course, (THIRD, 140), title);
     (top > 0.0).then(|| Figure::new(name, title, "time in s", drawing))
 }
 
@@ -332,7 +332,7 @@ fn stability_figures(case: &Case) -> Vec<Figure> {
             })
         };
         let series: Vec<Series> = indices.into_iter().zip(TRIPLE).filter_map(series).collect();
-        let drawing = figure::log_log(&series, (WIDTHS[1], 220), title);
+        let drawing = figure::log_log(&series, (HALF, 220), title);
         let unit = format!("{unit} over averaging time in s");
         (!series.is_empty()).then(|| Figure::new(name, title, unit, drawing))
     };

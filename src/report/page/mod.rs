@@ -7,27 +7,27 @@
 mod cards;
 mod courses;
 mod evaluation;
-mod inputs;
 mod maps;
+mod provenance;
 mod tables;
 
 use super::case::{Case, Report};
 use super::figure::MapStyle;
 use super::inertial::outputs;
+use super::number;
 use super::picture::{Figure, make_unique};
 use super::terminal::{matching_line, run_line};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Cases that get figures of their own; further ones are in the tables.
+/// Most cases that get figures of their own; the others are in the tables.
 const DRAWN: usize = 3;
-/// Width of the page's figures, px: alone in a row, one of two, one of three.
-const WIDTHS: [u32; 3] = [1072, 524, 341];
 
 /// The whole page, its maps of the workspace drawn as `maps` says.
 pub fn write(report: &Report, maps: MapStyle) -> String {
     let body = html! {
         h1 { (report.title) }
         (provenance_line(report))
+        @if let Some(words) = left_out(&report.cases) { p { (words) } }
         @if let Some(case) = report.cases.last().filter(|_| whole_runs(report)) {
             (cards::cards(report, case))
         }
@@ -39,7 +39,7 @@ pub fn write(report: &Report, maps: MapStyle) -> String {
             (tables::comparison(&report.cases))
         }
         @if !report.verdicts.is_empty() { (tables::gates(report)) }
-        (inputs::how(report))
+        (provenance::how(report))
     };
     document(&report.title, &body)
 }
@@ -86,9 +86,31 @@ pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
     all
 }
 
-/// The cases that get figures.
+/// The cases that get figures: of too many the first, which the others are compared with, and the
+/// last ones.
 fn drawn(cases: &[Case]) -> Vec<&Case> {
-    cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect()
+    let mut drawn: Vec<&Case> = cases.iter().filter(|c| !c.is_empty()).collect();
+    if let Some(surplus) = drawn.len().checked_sub(DRAWN) {
+        drawn.drain(1..1 + surplus);
+    }
+    drawn
+}
+
+/// Which figures are left out where several cases share the page; nothing for one.
+fn left_out(cases: &[Case]) -> Option<String> {
+    let drawn = drawn(cases);
+    if cases.len() < 2 || drawn.is_empty() {
+        return None;
+    }
+    let of_each = "Where several runs or zones share a page, each has the courses of x and yaw, the distributions of \
+                   x, z and yaw and three maps; a page of one has them all.";
+    let with: Vec<String> = drawn.iter().map(|case| case.name()).collect();
+    Some(if with.len() < cases.len() {
+        let (with, all) = (with.join(", "), number::count(cases.len()));
+        format!("The tables are of all {all}, the figures of {with}. {of_each}")
+    } else {
+        of_each.to_owned()
+    })
 }
 
 /// Whether `case` is one of `cases`; the same one, as numbers that are missing make all unequal.
