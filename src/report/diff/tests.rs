@@ -221,7 +221,9 @@ fn a_rule_for_no_column_is_refused() {
         match (tables(a, b, None, &rules), unknown) {
             (Ok(_), None) => {}
             (Err(DiffError::Unknown(text)), Some(name)) => assert!(
-                text.contains(&format!("neither a nor b has a column {name}; there are stamp_ns")),
+                text.contains(&format!(
+                    "neither a nor b has a column {name}; there are stamp_ns"
+                )),
                 "{text}"
             ),
             other => panic!("{tolerances:?} {ignored:?}: {other:?}"),

@@ -3,8 +3,8 @@
 use super::{Beam, View};
 use crate::record::{Edge, FittedLine, ReflectorLines};
 use crate::report::canvas::{DrawResult, Drawing, ink};
-use crate::report::figure::WHOLE;
 use crate::report::drafting::{Plan, free, pen, to_scale};
+use crate::report::figure::WHOLE;
 use crate::report::number::fixed;
 use crate::report::picture::Figure;
 use crate::report::quality::FACES;

@@ -145,11 +145,16 @@ mod tests {
     #[test]
     fn what_stays_is_believed_as_far_as_it_is_seen() {
         for sigma in [0.3, 0.1, 0.01] {
-            assert!(staying(0.0, sigma) < 0.3 && staying(-5.0, sigma) < 0.3, "{sigma}");
+            assert!(
+                staying(0.0, sigma) < 0.3 && staying(-5.0, sigma) < 0.3,
+                "{sigma}"
+            );
             assert!(staying(4.0 * sigma, sigma) > 0.9, "{sigma}");
             assert!((staying(1.0, sigma) - 1.0).abs() < 1e-3, "{sigma}");
         }
-        let rising: Vec<f64> = (0..=100).map(|i| staying(f64::from(i) / 100.0, 0.1)).collect();
+        let rising: Vec<f64> = (0..=100)
+            .map(|i| staying(f64::from(i) / 100.0, 0.1))
+            .collect();
         assert!(rising.is_sorted() && rising.iter().all(|p| (0.0..=1.0).contains(p)));
         // The more is known, the surer is nothing.
         assert!(staying(0.0, 0.01) < staying(0.0, 0.1));

@@ -183,9 +183,11 @@ fn samples(poses: &[Pose]) -> Vec<Sample> {
         .map(|pose| {
             let mut value = measured(pose);
             // About the first one, so that no angle is torn by the seam.
-            for k in (3..6).filter(|k| value[*k].is_finite()) {
-                let about = *about[k].get_or_insert(value[k]);
-                value[k] = about + wrap_angle(value[k] - about);
+            for (angle, about) in value.iter_mut().zip(&mut about).skip(3) {
+                if angle.is_finite() {
+                    let about = *about.get_or_insert(*angle);
+                    *angle = about + wrap_angle(*angle - about);
+                }
             }
             Sample {
                 stamp: pose.stamp,

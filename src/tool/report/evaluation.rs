@@ -162,8 +162,7 @@ impl EvaluationArgs {
         let name = path.display();
         let bytes = std::fs::read(path).map_err(|e| Fault::NoInput(format!("{name}: {e}")))?;
         let text = String::from_utf8_lossy(&bytes);
-        let given =
-            Alignment::parse(&text).map_err(|e| Fault::BadData(format!("{name}: {e}")))?;
+        let given = Alignment::parse(&text).map_err(|e| Fault::BadData(format!("{name}: {e}")))?;
         Ok(Align::Given(Box::new(given)))
     }
 }

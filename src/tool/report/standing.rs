@@ -124,7 +124,10 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
         (Some(Home(pose)), _) => Some(Desired::Home(*pose)),
         (None, Some(desired)) => {
             let points = inputs::read_desired(desired, &options)?;
-            Some(Desired::Trajectory(Reference::new(points, Limits::default())))
+            Some(Desired::Trajectory(Reference::new(
+                points,
+                Limits::default(),
+            )))
         }
         (None, None) => None,
     };
