@@ -13,7 +13,7 @@ use super::super::quality::FACES;
 use super::super::scale::above;
 use super::super::statistics::Statistics;
 use super::super::trace::Trace;
-use super::{courses, row};
+use super::{Detail, courses, row};
 use maud::{Markup, html};
 use plotters::style::RGBColor;
 
@@ -24,11 +24,11 @@ const MS: f64 = 1e3;
 const MM: f64 = 1e3;
 
 /// Every figure of these sections.
-pub(super) fn figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let mut all: Vec<Figure> = delay_figure(case).into_iter().collect();
-    all.extend(track_figures(case, several));
-    all.extend(orientation_figures(case));
-    all.extend(quality_figures(case, several));
+    all.extend(track_figures(case, detail));
+    all.extend(orientation_figures(case, detail));
+    all.extend(quality_figures(case, detail));
     all.extend(stability_figures(case));
     all
 }
@@ -101,7 +101,7 @@ pub(super) fn delay(case: &Case) -> Markup {
 }
 
 /// The error along the way and the distance from it over time.
-pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn track_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let Some(track) = &case.track else {
         return Vec::new();
     };
@@ -113,7 +113,7 @@ pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
         ["along", "Error along the way"],
         size,
         true,
-        several,
+        detail,
     );
     let cross = courses::of(
         &track.cross,
@@ -121,10 +121,10 @@ pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
         ["cross", "Distance from the way"],
         size,
         false,
-        several,
+        detail,
     );
     // Where several runs share the page, the distance's numbers have to do.
-    let cross = cross.filter(|_| !several);
+    let cross = cross.filter(|_| !detail.several);
     along.into_iter().chain(cross).collect()
 }
 
@@ -156,7 +156,7 @@ pub(super) fn more_errors(case: &Case) -> Vec<(String, Statistics, usize)> {
     rows
 }
 
-fn orientation_figures(case: &Case) -> Vec<Figure> {
+fn orientation_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let Some(orientation) = &case.orientation else {
         return Vec::new();
     };
@@ -171,7 +171,7 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
             trace: &angle.trace,
             factor,
             range: [-limit * factor, limit * factor],
-            step_px: 1,
+            step_px: detail.step_px(),
         };
         let title = format!("Pose − IMU in {name}, less the offset");
         let drawing = figure::over_time(&course, (THIRD, 140), &title);
@@ -181,7 +181,7 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
 }
 
 /// Orientation against the IMU's.
-pub(super) fn orientation(case: &Case) -> Markup {
+pub(super) fn orientation(case: &Case, detail: Detail) -> Markup {
     let Some(found) = &case.orientation else {
         return html! {};
     };
@@ -191,7 +191,7 @@ pub(super) fn orientation(case: &Case) -> Markup {
             "the poses against the gyros’."
         }
         (orientation_table(found))
-        (row("three", &orientation_figures(case)))
+        (row("three", &orientation_figures(case, detail)))
     }
 }
 
@@ -227,7 +227,7 @@ fn orientation_table(found: &Orientation) -> Markup {
 }
 
 /// What the poses rest on: edges, votes, residuals; over time too where the page is one run's.
-pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn quality_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let quality = &case.quality;
     let size = (THIRD, 140);
     let mut figures = Vec::new();
@@ -254,7 +254,7 @@ pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
         ("edges-time", "Edges over time", &quality.edges_trace),
         ("votes-time", "Votes over time", &quality.votes_trace),
     ] {
-        figures.extend(counted(name, title, trace).filter(|_| !several));
+        figures.extend(counted(name, title, trace).filter(|_| !detail.several));
     }
     let Some(lines) = &quality.lines else {
         return figures;

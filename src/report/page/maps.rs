@@ -6,6 +6,7 @@ use super::super::figure::{self, Heat, MapStyle, THIRD};
 use super::super::number::fixed;
 use super::super::picture::Figure;
 use super::super::workspace::{CELL_AXES, Cell, Cells};
+use super::Detail;
 
 /// What one map shows.
 struct Map {
@@ -92,12 +93,12 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    pub fn of(cases: &[&Case], style: MapStyle) -> Maps {
+    pub fn of(cases: &[&Case], style: MapStyle, detail: Detail) -> Maps {
         let mut maps = maps();
-        if cases.len() > 1 {
+        if detail.several {
             maps.truncate(3);
         }
-        let page = PAGE_CELLS[usize::from(cases.len() > 1)];
+        let page = PAGE_CELLS[usize::from(detail.several)] / detail.coarse;
         let room = page / (maps.len() * cases.len().max(1));
         let cells = |c: &&Case| (c.name(), c.cells.as_ref().map(|cells| cells.within(room)));
         Maps {
