@@ -202,7 +202,9 @@ fn ceiling(survey: &Survey) -> Drawing {
                 plan.say(described(i, strip));
                 plan.area(&corners(survey, strip), &ink::OTHER.mix(0.8))?;
                 let beside = strip.offset_m + 0.5 * strip.width_m;
-                plan.text(i.to_string(), [beside, 0.0], (9, -9))?;
+                // On the side of the scan line where the strip leans away.
+                let down_px = if strip.slope() > 0.0 { 9 } else { -9 };
+                plan.text(i.to_string(), [beside, 0.0], (9, down_px))?;
             }
             outline(
                 plan,

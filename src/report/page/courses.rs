@@ -6,7 +6,6 @@ use super::super::figure::{self, Course, HALF, THIRD, WHOLE};
 use super::super::number::count;
 use super::super::picture::Figure;
 use super::Detail;
-use super::cards::quantity;
 
 /// The components that get a course as wide as the page, and those that get half of it.
 const WIDE: [usize; 2] = [0, 5];
@@ -64,7 +63,7 @@ pub(super) fn of(
     let (limit, beyond) = figure::trace_limit(&result.trace, &result.statistics);
     let mut unit = format!("{}, time in s", axis.symbol);
     if beyond > 0 {
-        unit = format!("cut at {}; {unit}", quantity(limit, axis));
+        unit = format!("cut at {}; {unit}", axis.quantity(limit));
     }
     let top = limit * axis.factor;
     let course = Course {
@@ -88,7 +87,7 @@ pub(super) fn distributions(case: &Case, detail: Detail) -> Vec<Figure> {
         let result = result(case, *index)?;
         let axis = AXES.get(*index)?;
         // A component that was given has errors of rounding.
-        if quantity(result.statistics.max, axis) == quantity(0.0, axis) {
+        if axis.quantity(result.statistics.max) == axis.quantity(0.0) {
             return None;
         }
         let beyond = result.histogram.beyond;

@@ -190,7 +190,8 @@ impl Maps {
                 style: self.style,
             };
             let unit = if largest > range[1] * (1.0 + 1e-9) {
-                format!("{}, up to {} beyond the scale", map.unit, fixed(largest, 0))
+                let largest = fixed(largest, map.decimals);
+                format!("{}, up to {largest} beyond the scale", map.unit)
             } else {
                 map.unit.to_owned()
             };

@@ -128,13 +128,19 @@ fn noise_alone_is_covered_as_often_as_it_should_be() {
         let errors = Errors { memory, ..USUAL };
         let found = coverage(&errors, 40, 6, stand_s);
         let Coverage { within, caution } = found;
-        assert!((0.92..=0.99).contains(&within), "{memory}: {within} {caution}");
-        assert!((0.85..=1.6).contains(&caution), "{memory}: {within} {caution}");
+        assert!(
+            (0.93..=0.988).contains(&within),
+            "{memory}: {within} {caution}"
+        );
+        assert!(
+            (0.9..=1.5).contains(&caution),
+            "{memory}: {within} {caution}"
+        );
     }
     // Of a single standstill less is known, and cannot be: it stays on the honest side.
     let found = coverage(&USUAL, 120, 1, 4.0);
     assert!((0.94..=1.0).contains(&found.within), "{}", found.within);
-    assert!(found.caution < 2.2, "{}", found.caution);
+    assert!(found.caution < 1.9, "{}", found.caution);
 }
 
 /// Parts that stay, from 5 to 90 % of the variance.
@@ -145,7 +151,7 @@ fn what_stays_is_covered_too() {
         ..USUAL
     };
     let found = coverage(&fixed, 40, 6, 2.0);
-    assert!((0.90..=0.985).contains(&found.within), "{}", found.within);
+    assert!((0.88..=0.985).contains(&found.within), "{}", found.within);
     // The usual formula, scatter over the root of n, does not.
     let places = places(6);
     let mut within = 0;
