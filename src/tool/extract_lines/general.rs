@@ -1,7 +1,7 @@
 //! All lines of any scene: the options, the methods by name, and the stage.
 
 use super::strategy::{self, WindowArgs};
-use super::{Method, positive};
+use super::{Method, first_given};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
 use crate::lines::hough::{HoughOptions, ModifiedHough, ModifiedHoughOptions, WindowSize};
@@ -11,6 +11,7 @@ use crate::lines::ml::{Ml, MlOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::record::{BeamFate, NormalLine, Scan, Segment};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::tool::values::{not_negative, positive};
 use std::path::Path;
 
 /// Settings of the extractors for any scene.
@@ -118,7 +119,7 @@ enum LossName {
 impl GeneralArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.sigma_mm.is_some(), "--sigma-mm"),
             (self.min_points.is_some(), "--min-points"),
             (self.min_length_m.is_some(), "--min-length-m"),
@@ -132,11 +133,7 @@ impl GeneralArgs {
             (self.flatness_mm.is_some(), "--flatness-mm"),
             (self.explain, "--explain"),
             (self.seed.is_some(), "--seed"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
+        ])
     }
 
     fn options(&self) -> Result<ExtractorOptions, Fault> {
@@ -342,12 +339,5 @@ impl Stage for Explain {
 
     fn finish(&mut self, _emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<Outcome> {
         Ok(Outcome::Done)
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number of at least 0 is wanted".to_owned()),
     }
 }

@@ -1,7 +1,7 @@
 //! The frame's three lines by the modified Hough transform, alone or as part of the dissertation's
 //! strategy: the options and the stage. The window's options serve any scene too.
 
-use super::positive;
+use super::{Tally, first_given};
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
 use crate::lines::dissertation::{Strategy, StrategyOptions};
@@ -9,6 +9,7 @@ use crate::lines::fit::Estimator;
 use crate::lines::hough::WindowSize;
 use crate::record::{NormalLine, ReflectorLines, Scan};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::tool::values::positive;
 use std::path::{Path, PathBuf};
 
 /// Settings of the windows.
@@ -40,18 +41,14 @@ pub(super) struct WindowArgs {
 impl WindowArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.predict.is_some(), "--predict"),
             (self.window_speed_m_s.is_some(), "--window-speed-m-s"),
             (self.window_turn_deg_s.is_some(), "--window-turn-deg-s"),
             (self.cell_mm.is_some(), "--cell-mm"),
             (self.cell_deg.is_some(), "--cell-deg"),
             (self.coarse, "--coarse"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
+        ])
     }
 
     pub(super) fn size(&self) -> WindowSize {
@@ -102,8 +99,7 @@ pub(super) fn run(
         edges: (!dissertation && !windows.coarse).then(|| EdgeMeter::new(&frame)),
         coarse: windows.coarse,
         lines: ReflectorLines::default(),
-        without: 0,
-        scans: 0,
+        tally: Tally::default(),
     };
     stream::filter(options, input, &mut stage)
 }
@@ -141,8 +137,7 @@ struct ThreeLines {
     /// Whether there are none.
     coarse: bool,
     lines: ReflectorLines,
-    scans: u64,
-    without: u64,
+    tally: Tally,
 }
 
 impl Stage for ThreeLines {
@@ -150,7 +145,7 @@ impl Stage for ThreeLines {
     type Out = ReflectorLines;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
-        self.scans += 1;
+        self.tally.scans += 1;
         self.lines.begin(scan);
         if self.strategy.find_lines(scan, &mut self.lines) {
             match &mut self.edges {
@@ -162,23 +157,12 @@ impl Stage for ThreeLines {
                 }
             }
         } else {
-            self.without += 1;
+            self.tally.without += 1;
         }
         emit.write(&self.lines)
     }
 
     fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
-        if self.without > 0 {
-            eprintln!(
-                "extract-lines: no reflectors in {} of {} scans",
-                self.without, self.scans
-            );
-        }
-        let nothing = self.without == self.scans && self.scans > 0;
-        Ok(if nothing {
-            Outcome::Degraded
-        } else {
-            Outcome::Done
-        })
+        Ok(self.tally.outcome())
     }
 }

@@ -7,7 +7,8 @@ use crate::report::origin;
 use crate::report::robot::Findings;
 use crate::robot::{CalibrationError, Robot, Standing, Unknown, calibrate, places};
 use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::parse_duration;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
