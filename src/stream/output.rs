@@ -195,11 +195,9 @@ impl Output {
             true => Patient::open(&create).map(|file| Box::new(file) as Box<dyn Write>),
             _ => File::create(&create).map(|file| Box::new(file) as Box<dyn Write>),
         };
-        let file = file.map_err(|error| flow::named(&create.display().to_string(), error))?;
-        let target = Target {
-            inner: file,
-            name: path.display().to_string(),
-        };
+        let name = path.display().to_string();
+        let inner = file.map_err(|error| flow::named(&name, error))?;
+        let target = Target { inner, name };
         Output::new(target, encoding, options, rename, in_place && further)
     }
 
@@ -307,7 +305,7 @@ impl Output {
                 Ok(())
             }
             Encoder::Mcap(_) if input.encoding() == Encoding::Mcap => Ok(()),
-            Encoder::Mcap(mcap) => stages.iter().try_for_each(|stage| mcap.pass_stage(stage)),
+            Encoder::Mcap(mcap) => stages.iter().try_for_each(|stage| mcap.write_stage(stage)),
             Encoder::Text(_) => Ok(()),
         }
         .map_err(unhide)
