@@ -151,10 +151,7 @@ impl Stage for ThreeLines {
             match &mut self.edges {
                 Some(edges) => edges.measure(scan, &mut self.lines),
                 None if self.coarse => {}
-                None => {
-                    self.strategy.find_strips(&mut self.lines);
-                    self.strategy.date_edges(scan, &mut self.lines);
-                }
+                None => self.strategy.find_strips(scan, &mut self.lines),
             }
         } else {
             self.tally.without += 1;
