@@ -6,6 +6,8 @@
 //! Times are the best of some passes over all scans, in the thread's own time, without reading or
 //! writing.
 
+mod timing;
+
 use cablepose::frame::Frame;
 use cablepose::lines::dissertation::{Strategy, StrategyOptions};
 use cablepose::lines::extractor::ExtractorOptions;
@@ -19,10 +21,10 @@ use cablepose::report::lines::{Matching, score};
 use cablepose::simulate::office::{Errors, Office, Setup as OfficeSetup, View};
 use cablepose::simulate::{Course, Effects, Parameters, Seed, Setup, Simulator, scanner};
 use nalgebra::Vector3;
-use rustix::time::{ClockId, clock_gettime};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hint::black_box;
 use std::path::Path;
+use timing::thread_s;
 
 const PASSES: usize = 5;
 const SIGMA_M: f64 = 0.015;
@@ -349,14 +351,10 @@ fn moving_scans(frame: &Frame) -> anyhow::Result<Vec<Scan>> {
 /// The best time of some passes, s: of this thread's own, so that what else runs on the machine counts
 /// for little.
 fn best(mut work: impl FnMut()) -> f64 {
-    let now_s = || {
-        let now = clock_gettime(ClockId::ThreadCPUTime);
-        now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
-    };
     let passes = (0..PASSES).map(|_| {
-        let start_s = now_s();
+        let start_s = thread_s();
         work();
-        now_s() - start_s
+        thread_s() - start_s
     });
     passes.fold(f64::INFINITY, f64::min)
 }

@@ -5,16 +5,18 @@
 //! `cargo bench --bench simulate` (a part of `make bench`); figures and ratios to the goals, no
 //! judgement.
 
+mod timing;
+
 use cablepose::frame::Frame;
 use cablepose::motion::{Limits, Pose, SCurve, Shuttle};
 use cablepose::record::{Axes, Stamp};
 use cablepose::simulate::{Course, Parameters, Seed, Setup, Simulator};
 use cablepose::stream::{Encoding, Options, Output, Role};
 use nalgebra::Vector3;
-use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
+use timing::thread_s;
 
 const SCANS: u64 = 4000;
 const RUNS: usize = 5;
@@ -69,12 +71,6 @@ fn simulator(effects: &str) -> anyhow::Result<Simulator> {
         imu_rate_hz: None,
         imu_axes: Axes::Platform,
     }))
-}
-
-/// The thread's own time, s: what other work on the machine leaves alone.
-fn thread_s() -> f64 {
-    let now = clock_gettime(ClockId::ThreadCPUTime);
-    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
 /// The best of some runs, scans a second.

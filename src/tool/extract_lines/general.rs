@@ -10,7 +10,7 @@ use crate::lines::methods;
 use crate::lines::ml::{Ml, MlOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::record::{BeamFate, NormalLine, Scan, Segment};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::stream::{self, Emit, Fault, Input, Options, Outcome, Stage};
 use crate::tool::values::{not_negative, positive};
 use std::path::Path;
 
@@ -168,13 +168,14 @@ impl GeneralArgs {
             Some(LossName::Tukey) => Loss::TUKEY,
         };
         let default = ExtractorOptions::default();
+        let cutting = default.segmentation;
         Ok(ExtractorOptions {
             segmentation: SegmentationOptions {
                 cut,
-                sigma_m: self.sigma_mm.unwrap_or(6.5) / 1000.0,
-                max_gap_m: self.max_gap_m.unwrap_or(0.5),
+                sigma_m: self.sigma_mm.map_or(cutting.sigma_m, |mm| mm / 1000.0),
+                max_gap_m: self.max_gap_m.unwrap_or(cutting.max_gap_m),
                 cut_at_seam: self.seam == Some(Seam::Cut),
-                ..default.segmentation
+                ..cutting
             },
             estimator,
             loss,
@@ -268,10 +269,15 @@ pub(super) fn run(
 
 /// The lines of the first scan in a file of segments.
 fn predicted(path: &Path, options: &Options) -> anyhow::Result<Vec<NormalLine>> {
-    let segments: Vec<Segment> = read_all(Some(path), &strategy::side(options))?;
-    let first = segments.first().map(|segment| segment.stamp);
-    let of_first = segments.iter().filter(|s| Some(s.stamp) == first);
-    Ok(of_first.map(|segment| segment.normal).collect())
+    let mut segments = Input::<Segment>::open(Some(path), &strategy::side(options))?;
+    let (mut lines, mut first) = (Vec::new(), None);
+    while let Some(segment) = segments.next()? {
+        if segment.stamp != *first.get_or_insert(segment.stamp) {
+            break;
+        }
+        lines.push(segment.normal);
+    }
+    Ok(lines)
 }
 
 /// Scans in, the segments of each out.

@@ -40,11 +40,13 @@ impl ReflectorArgs {
     }
 
     fn options(&self) -> reflectors::Options {
+        let default = reflectors::Options::default();
+        let bias_sigma_m = self.bias_sigma_mm.map(|mm| mm / 1000.0);
         reflectors::Options {
             sigma_m: self.range_sigma_mm.map(|mm| mm / 1000.0),
-            bias_sigma_m: self.bias_sigma_mm.unwrap_or(15.0) / 1000.0,
+            bias_sigma_m: bias_sigma_m.unwrap_or(default.bias_sigma_m),
             track: !self.cold,
-            ..reflectors::Options::default()
+            ..default
         }
     }
 }

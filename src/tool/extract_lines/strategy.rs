@@ -8,7 +8,7 @@ use crate::lines::dissertation::{Strategy, StrategyOptions};
 use crate::lines::fit::Estimator;
 use crate::lines::hough::WindowSize;
 use crate::record::{NormalLine, ReflectorLines, Scan};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::stream::{self, Emit, Fault, Input, Options, Outcome, Stage};
 use crate::tool::values::positive;
 use std::path::{Path, PathBuf};
 
@@ -106,18 +106,16 @@ pub(super) fn run(
 
 /// The first lines record with all three lines.
 fn predicted(path: &Path, options: &Options) -> anyhow::Result<[NormalLine; 3]> {
-    let records: Vec<ReflectorLines> = read_all(Some(path), &side(options))?;
-    let seen = records
-        .iter()
-        .find(|r| r.lines().iter().all(|line| line.is_seen()));
-    let first = seen.map(|r| r.lines().map(|line| line.normal));
-    first.ok_or_else(|| {
-        let name = path.display();
-        Fault::BadData(format!(
-            "{name}: no record with all three lines to start from"
-        ))
-        .into()
-    })
+    let mut records = Input::<ReflectorLines>::open(Some(path), &side(options))?;
+    while let Some(record) = records.next()? {
+        let lines = record.lines();
+        if lines.iter().all(|line| line.is_seen()) {
+            return Ok(lines.map(|line| line.normal));
+        }
+    }
+    let name = path.display();
+    let text = format!("{name}: no record with all three lines to start from");
+    Err(Fault::BadData(text).into())
 }
 
 /// Options for reading a file beside the scans: all of it.
