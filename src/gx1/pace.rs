@@ -113,7 +113,7 @@ impl Pace {
             return Pushed::On(self.begin(reading, raw_ns, 0, 0, false));
         };
         let since_ns = raw_ns.saturating_sub(self.early_ns);
-        let by_clock = since_ns / self.tick_ns - last.ticks;
+        let by_clock = (since_ns / self.tick_ns).saturating_sub(last.ticks);
         let mut counter = self.counter;
         let mut ticks = counter.push(u32::from(reading), Some(by_clock));
         if !self.is_timely(ticks, since_ns) || ticks < last.ticks {
