@@ -3,11 +3,17 @@
 mod arguments;
 mod live;
 mod packets;
+mod polling;
 mod replay;
 mod sink;
 mod unit;
 
-use crate::stream::Outcome;
+use crate::gx1::command;
+use crate::gx1::session::Identity;
+use crate::link::{latency_timer, ports};
+use crate::stream::{Fault, Outcome};
+use std::io::Write;
+use std::path::Path;
 
 /// The tool's name.
 const NAME: &str = "imu-read";
@@ -126,15 +132,19 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
 }
 
+/// The firmware's version in words.
+fn firmware(identity: Identity) -> String {
+    identity
+        .firmware
+        .map_or("not told on RS-485".to_owned(), command::firmware_version)
+}
+
 /// Prints the ports.
 fn list() -> anyhow::Result<Outcome> {
-    use crate::link::{latency_timer, ports};
-    use crate::stream::Fault;
-    use std::io::Write;
     let ports = ports().map_err(Fault::Unavailable)?;
     let mut out = std::io::stdout().lock();
     for port in &ports {
-        let timer = latency_timer(std::path::Path::new(&port.path));
+        let timer = latency_timer(Path::new(&port.path));
         let timer = timer.map_or(String::new(), |timer| {
             format!("\tlatency timer {} ms", timer.ms)
         });

@@ -8,7 +8,7 @@ use crate::record::{Pose, ReflectorLines, Scan};
 use crate::report::scan::{View, figures, json, page, table, view};
 use crate::report::{Figure, origin};
 use crate::stream::{Encoding, Input, Options, Outcome, Role, StreamCopy, copies, read_all};
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use std::path::{Path, PathBuf};
 use std::thread;
 
