@@ -82,7 +82,7 @@ pub use lag::{Delay, DelayChoice};
 pub use merge::merge;
 pub use orientation::{AngleResult, Attitudes, Orientation, RateResult};
 pub use picture::{Figure, PictureError};
-pub use quality::{FACES, FaceTally, LineTally, Quality};
+pub use quality::{FaceTally, LineTally, Quality};
 pub use relative::{Delta, DeltaError, Pairs, Relative, Span};
 pub use scans::{Scans, Tally};
 pub use stability::Stability;

@@ -11,7 +11,6 @@ use crate::report::drafting::{Plan, free, pen, to_scale};
 use crate::report::figure::{HALF, THIRD, WHOLE};
 use crate::report::number::fixed;
 use crate::report::picture::Figure;
-use crate::report::quality::FACES;
 use crate::report::scale::{above, size_colour};
 use plotters::style::{Color, RGBColor};
 
@@ -334,7 +333,7 @@ fn yaw(survey: &Survey) -> Drawing {
 
 /// How many reflectors each face has, for the page's words.
 pub(super) fn on_faces(survey: &Survey) -> [usize; 3] {
-    FACES.map(|face| {
+    Face::ALL.map(|face| {
         let plates = survey
             .frame
             .plates

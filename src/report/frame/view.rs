@@ -2,7 +2,6 @@
 
 use crate::frame::{Frame, ScannerPose, Strip};
 use crate::record::Face;
-use crate::report::quality::FACES;
 
 /// The beams of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +49,7 @@ pub fn extent(strip: &Strip, frame: &Frame) -> [f64; 2] {
 
 /// What the beam at an angle meets first; none where it meets neither wall nor ceiling.
 pub fn met(frame: &Frame, pose: &ScannerPose, angle_rad: f64) -> Option<Met> {
-    let crossings = FACES.map(|face| pose.crossing(angle_rad, face).map(|c| (face, c)));
+    let crossings = Face::ALL.map(|face| pose.crossing(angle_rad, face).map(|c| (face, c)));
     let nearest = crossings
         .into_iter()
         .flatten()

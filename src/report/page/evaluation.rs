@@ -9,11 +9,11 @@ use super::super::lag::Delay;
 use super::super::number::{NONE, count, fixed};
 use super::super::orientation::Orientation;
 use super::super::picture::Figure;
-use super::super::quality::FACES;
 use super::super::scale::above;
 use super::super::statistics::Statistics;
 use super::super::trace::Trace;
 use super::{Detail, courses, row};
+use crate::record::Face;
 use maud::{Markup, html};
 use plotters::style::RGBColor;
 
@@ -259,7 +259,7 @@ pub(super) fn quality_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let Some(lines) = &quality.lines else {
         return figures;
     };
-    let faces = || FACES.iter().zip(&lines.faces);
+    let faces = || Face::ALL.iter().zip(&lines.faces);
     let residuals: Vec<(String, f64)> = faces()
         .map(|(face, tally)| (face.name().to_owned(), MM * tally.residual_rms_m()))
         .collect();

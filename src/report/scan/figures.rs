@@ -1,13 +1,12 @@
 //! The pictures of a scan: to scale, the residuals, the remissions.
 
 use super::{Beam, View};
-use crate::record::{Edge, FittedLine, ReflectorLines};
+use crate::record::{Edge, Face, FittedLine, ReflectorLines};
 use crate::report::canvas::{DrawResult, Drawing, ink};
 use crate::report::drafting::{Plan, free, pen, to_scale};
 use crate::report::figure::WHOLE;
 use crate::report::number::fixed;
 use crate::report::picture::Figure;
-use crate::report::quality::FACES;
 use crate::report::scale::above;
 use crate::report::statistics::percentile;
 
@@ -127,7 +126,7 @@ fn described(beam: &Beam) -> String {
 
 /// What the line with this index in a record is called.
 pub(super) fn line_name(k: usize) -> &'static str {
-    FACES.get(k).map_or("", |face| face.name())
+    Face::ALL.get(k).map_or("", |face| face.name())
 }
 
 /// A line between the outermost beams on it.

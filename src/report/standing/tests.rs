@@ -129,11 +129,11 @@ fn noise_alone_is_covered_as_often_as_it_should_be() {
         let found = coverage(&errors, 40, 6, stand_s);
         let Coverage { within, caution } = found;
         assert!(
-            (0.93..=0.988).contains(&within),
+            (0.93..=0.995).contains(&within),
             "{memory}: {within} {caution}"
         );
         assert!(
-            (0.9..=1.5).contains(&caution),
+            (0.9..=1.6).contains(&caution),
             "{memory}: {within} {caution}"
         );
     }
