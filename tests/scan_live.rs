@@ -655,7 +655,7 @@ fn a_device_that_reads_back_otherwise_is_not_captured() {
     let requests = device.serve(3, After::Answer, liar);
     let args = [&*place, "--configure", "--echoes", "all"];
     let stderr = capture(&dir, &args).expect(69);
-    assert!(stderr.contains("the echo filter is Some(Last)"), "{stderr}");
+    assert!(stderr.contains("the echo filter is last"), "{stderr}");
     let requests = requests.join().unwrap();
     assert!(requests.contains(&"sMN Run".to_owned()));
     assert!(!requests.iter().any(|request| request.starts_with("sEN")));

@@ -8,6 +8,7 @@ mod sink;
 mod unit;
 
 use crate::stream::Outcome;
+use crate::tool::ports;
 
 /// The tool's name.
 const NAME: &str = "imu-read";
@@ -122,27 +123,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Question::Tare(args)) => unit::tare(args),
         Some(Question::Rate(args)) => unit::rate(args),
         Some(Question::Check(args)) => unit::check(args),
-        Some(Question::List) => list(),
+        Some(Question::List) => ports::list(NAME),
     }
-}
-
-/// Prints the ports.
-fn list() -> anyhow::Result<Outcome> {
-    use crate::link::{latency_timer, ports};
-    use crate::stream::Fault;
-    use std::io::Write;
-    let ports = ports().map_err(Fault::Unavailable)?;
-    let mut out = std::io::stdout().lock();
-    for port in &ports {
-        let timer = latency_timer(std::path::Path::new(&port.path));
-        let timer = timer.map_or(String::new(), |timer| {
-            format!("\tlatency timer {} ms", timer.ms)
-        });
-        writeln!(out, "{}\t{}{timer}", port.path, port.adapter)?;
-    }
-    out.flush()?;
-    if ports.is_empty() {
-        eprintln!("{NAME}: no serial ports");
-    }
-    Ok(Outcome::Done)
 }

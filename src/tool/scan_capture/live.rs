@@ -6,7 +6,7 @@
 
 use super::NAME;
 use super::args::{Args, DeviceKind};
-use crate::link::{Backoff, Endpoint};
+use crate::link::{Backoff, Endpoint, RecordingError};
 use crate::record::Scan;
 use crate::stream::{Fault, Options, Outcome, Output, Place, WindowState};
 use crate::tool::ending::Ending;
@@ -89,15 +89,14 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    pub(super) fn of(args: &Args) -> anyhow::Result<Settings> {
-        let device = args.device.clone();
-        Ok(Settings {
-            device: device.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
+    pub(super) fn new(device: Endpoint, args: &Args) -> Settings {
+        Settings {
+            device,
             kind: args.live.kind,
             n_scans: args.n_scans,
             span: args.live.span,
             wait: args.live.wait.map(|wait| wait.min(FOR_EVER)),
-        })
+        }
     }
 }
 
@@ -394,10 +393,7 @@ impl<S: Scanner> Capture<'_, S> {
         });
     }
 
-    fn finish(
-        mut self,
-        recorded: Result<(), crate::link::RecordingError>,
-    ) -> anyhow::Result<Outcome> {
+    fn finish(mut self, recorded: Result<(), RecordingError>) -> anyhow::Result<Outcome> {
         self.tell_losses(true);
         if let Some(output) = self.output.take() {
             self.ending.check(output.records())?;
