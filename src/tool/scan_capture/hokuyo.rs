@@ -8,7 +8,6 @@ use crate::hokuyo::client::{self, Client, ClientError, Incoming};
 use crate::hokuyo::scans::{self, Scans};
 use crate::hokuyo::scip::{self, Measurement, Parameters};
 use crate::record::Scan;
-use crate::stream::Fault;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -256,8 +255,6 @@ fn fault(error: ClientError) -> LineFault {
         ClientError::Link(_) | ClientError::Silent { .. } | ClientError::Answer { .. } => {
             LineFault::Down(error.to_string())
         }
-        ClientError::Refused { .. } => {
-            LineFault::Hopeless(Fault::Unavailable(error.to_string()).into())
-        }
+        ClientError::Refused { .. } => LineFault::Refused(error.to_string()),
     }
 }

@@ -32,7 +32,9 @@ const FOR_EVER: Duration = Duration::from_secs(100 * 366 * 86_400);
 pub(super) enum LineFault {
     /// The next attempt may have more luck.
     Down(String),
-    /// No attempt will.
+    /// The device says no. One that has given scans before will again: it is busy, or starts.
+    Refused(String),
+    /// No attempt will have more luck.
     Hopeless(anyhow::Error),
     /// The capture is to end.
     Ended,
@@ -201,7 +203,10 @@ impl<S: Scanner> Capture<'_, S> {
                 // The line stays open, for the farewell.
                 None | Some(LineFault::Ended) => return Ok(()),
                 Some(LineFault::Hopeless(error)) => return Err(error),
-                Some(LineFault::Down(reason)) => {
+                Some(LineFault::Refused(reason)) if self.scans == 0 => {
+                    return Err(Fault::Unavailable(reason).into());
+                }
+                Some(LineFault::Down(reason) | LineFault::Refused(reason)) => {
                     self.scanner.hang_up();
                     self.down(&reason, began, &mut outage, &mut said)?;
                 }

@@ -160,26 +160,24 @@ impl Sick {
         };
         let mut remark = |text: &str| self.line.remark(text);
         let set = plan.wanted.apply(client, plan.hash, measuring, &mut remark);
-        match set {
+        let reason = match set {
             Ok(set) => {
                 self.set_now = set;
                 // Saving once is enough: the EEPROM wears out.
                 if let Some(plan) = &mut self.plan {
                     plan.wanted.save = false;
                 }
-                Ok(())
+                return Ok(());
             }
-            Err(ConfigureError::Client(error)) => Err(match fault(error) {
-                LineFault::Hopeless(error) => {
-                    LineFault::Hopeless(error.context(self.line.place().to_string()))
-                }
-                other => other,
-            }),
-            Err(error @ ConfigureError::ReadBack(_)) => {
-                let text = format!("{}: {error}", self.line.place());
-                Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
-            }
-        }
+            Err(error @ ConfigureError::ReadBack(_)) => error.to_string(),
+            Err(ConfigureError::Client(error)) => match fault(error) {
+                LineFault::Refused(reason) => reason,
+                other => return Err(other),
+            },
+        };
+        // Scans that are made otherwise than was asked for are not wanted.
+        let text = format!("{}: {reason}", self.line.place());
+        Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
     }
 
     /// Asks how often scans come, for the time limits, and whether a serial line carries them.
@@ -496,7 +494,7 @@ fn fault(error: ClientError) -> LineFault {
         | ClientError::Answer { .. }
         | ClientError::Silent { .. } => LineFault::Down(error.to_string()),
         ClientError::Refused { .. } | ClientError::Failed { .. } => {
-            LineFault::Hopeless(Fault::Unavailable(error.to_string()).into())
+            LineFault::Refused(error.to_string())
         }
     }
 }
