@@ -202,7 +202,7 @@ impl Feeder {
 #[track_caller]
 fn more_writes(plc: &SharedPlc, more: u64) {
     let before = plc.lock().writes(SYMBOL);
-    let done = Service::wait_until(plc, LONG, |plc| plc.writes(SYMBOL) >= before + more);
+    let done = plc.wait_until(LONG, |plc| plc.writes(SYMBOL) >= before + more);
     assert!(done, "no {more} writes more");
 }
 
@@ -438,6 +438,25 @@ fn writes_that_are_always_refused_are_held_back() {
     ends(running.wait(), 3, &["connected again after"]);
 }
 
+/// With --every a pose that is refused waits for its turn, and the controller has time for others.
+#[test]
+fn a_pose_that_waits_for_its_turn_is_not_tried_as_fast_as_can_be() {
+    let (plc, service) = serve(Plc::with_sick_value());
+    let mut running = Running::start(&[&service.target(&plc), SYMBOL, "--every"]);
+    let feeder = Feeder::start(&mut running);
+    more_writes(&plc, 10);
+    plc.lock().trouble.refuse = Some(Code::DENIED);
+    running.hears("not permitted");
+    let before = plc.lock().requests;
+    std::thread::sleep(Duration::from_millis(500));
+    let asked = plc.lock().requests - before;
+    assert!(asked < 50, "{asked}");
+    plc.lock().trouble.refuse = None;
+    more_writes(&plc, 10);
+    feeder.end();
+    ends(running.wait(), 0, &[]);
+}
+
 /// Two programs on one host: each gets its turn, and the controller is not flooded.
 #[test]
 fn two_that_end_each_others_connections_both_write() {
@@ -607,15 +626,15 @@ fn a_silent_input_is_told_to_the_controller() {
     let mut running = Running::start(&[&service.target(&plc), SYMBOL, "--stale", "100ms"]);
     // Nothing has come yet.
     let stale = |plc: &Plc| plc.lreals(SYMBOL)[7] as u32 & STALE != 0;
-    assert!(Service::wait_until(&plc, LONG, stale));
+    assert!(plc.wait_until(LONG, stale));
     assert_eq!(status_word(&plc) & 1, 1);
     running.feed(&(HEADER.to_owned() + &row(3)));
     let fresh = |plc: &Plc| plc.lreals(SYMBOL)[7] as u32 == 1 << 8;
-    assert!(Service::wait_until(&plc, LONG, fresh));
-    assert!(Service::wait_until(&plc, LONG, stale));
+    assert!(plc.wait_until(LONG, fresh));
+    assert!(plc.wait_until(LONG, stale));
     let counter = plc.lock().lreals(SYMBOL)[8];
     let counts = |plc: &Plc| plc.lreals(SYMBOL)[8] > counter + 1.0;
-    assert!(Service::wait_until(&plc, LONG, counts));
+    assert!(plc.wait_until(LONG, counts));
     // The values stay.
     assert_eq!(plc.lock().lreals(SYMBOL)[..6], written(3));
     ends(running.end(), 0, &[]);
@@ -790,6 +809,40 @@ fn the_desired_motion_is_read() {
             assert!(drift.abs() < 1e-5, "{further:?}: {drift}");
         }
     }
+    stop.store(true, Ordering::Relaxed);
+    thread.join().unwrap();
+}
+
+/// A runtime that restarts keeps its program and the router's connection, and forgets who wanted to
+/// be notified.
+#[test]
+fn the_desired_motion_is_read_on_after_the_runtime_has_restarted() {
+    let (plc, service) = serve(desired());
+    let (stop, thread) = moving(&plc);
+    let target = service.target(&plc);
+    let arguments = [
+        &target,
+        "--read",
+        "GVL.stDesired",
+        "--read-fields",
+        DESIRED,
+        "--read-period",
+        "5ms",
+        "-n",
+        "600",
+        "-v",
+    ];
+    let running = Running::start(&arguments);
+    running.hears("connected as");
+    {
+        let mut plc = plc.lock();
+        plc.trouble.port_closed = true;
+        plc.restart();
+    }
+    running.hears("no server has that AMS port");
+    plc.lock().trouble.port_closed = false;
+    let done = ends(running.wait(), 0, &["connected again after"]);
+    assert_eq!(points(&done.stdout).len(), 600);
     stop.store(true, Ordering::Relaxed);
     thread.join().unwrap();
 }

@@ -80,7 +80,7 @@ fn length(path: &Path) -> u64 {
 #[track_caller]
 fn more_writes(plc: &SharedPlc, more: u64) {
     let before = plc.lock().writes(SYMBOL);
-    let done = Service::wait_until(plc, LONG, |plc| plc.writes(SYMBOL) >= before + more);
+    let done = plc.wait_until(LONG, |plc| plc.writes(SYMBOL) >= before + more);
     assert!(done, "no {more} writes more");
 }
 

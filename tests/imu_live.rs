@@ -3,7 +3,7 @@
 mod peer;
 mod shell;
 
-use cablepose::gx1::session::Patience;
+use cablepose::gx1::session::Line;
 use cablepose::gx1::{Command, Session};
 use cablepose::link::Endpoint;
 use peer::{Making, Order, Peer};
@@ -134,15 +134,16 @@ fn start(dir: &Path, turn: usize) -> Duration {
             ..Making::default()
         },
     );
-    let patience = Patience {
-        wait: Duration::from_secs(20),
-        interrupted: &|| false,
+    let never = || false;
+    let line = Line {
+        port: &Endpoint::Serial(peer.path.clone()),
+        bauds: &[],
+        bus_address: None,
     };
-    let endpoint = Endpoint::Serial(peer.path.clone());
     let began = Instant::now();
-    let mut session = Session::open(&endpoint, &[], &[], None, &patience).unwrap();
-    let gains = session.gains(&patience).unwrap();
-    session.start(Command::StabilisedEuler, &patience).unwrap();
+    let mut session = Session::open(&line, &[], None, Duration::from_secs(20), &never).unwrap();
+    let gains = session.gains(&never).unwrap();
+    session.start(Command::StabilisedEuler, &never).unwrap();
     let took = began.elapsed();
     assert_eq!(session.baud(), speeds[turn % 3]);
     assert_eq!(gains, cablepose::gx1::Gains::FACTORY);
@@ -214,6 +215,11 @@ fn a_hanging_unit_gives_no_stale_samples() {
     let ended = end(child).expect(3);
     let device = ended.numbers("device_ns");
     assert!(device.windows(2).all(|pair| pair[1] > pair[0]));
+    assert!(
+        ended.stderr.contains("nothing but the same reply came"),
+        "{}",
+        ended.stderr
+    );
     assert!(ended.stderr.contains("back after"), "{}", ended.stderr);
 }
 
@@ -557,4 +563,23 @@ fn a_bus_is_refused_where_it_cannot_be() {
     .expect(2);
     assert!(ended.stderr.contains("0x0F"), "{}", ended.stderr);
     sh(&dir, "imu-read ./imu --rs485-address 16 --poll 10").expect(2);
+}
+
+/// What is shown without --yes is what the line would carry: the command above the address, and the
+/// write without checksum.
+#[test]
+fn on_a_bus_other_bytes_are_shown() {
+    let dir = scratch("imu-bus-bytes");
+    for (ask, bytes) in [
+        ("eeprom set ./imu oversampling 6", "93 71 1E 00 06 AA"),
+        ("bias ./imu", "63"),
+        ("tare ./imu", "F3 C1 C3 C5"),
+        ("rate ./imu --tick 10ms", "93 71 F6 00 0A AA"),
+    ] {
+        let dry = sh(&dir, &format!("imu-read {ask} --rs485-address 3")).expect(0);
+        assert!(dry.text().contains(bytes), "{}", dry.text());
+        assert_eq!(dry.stderr.matches("nothing was sent").count(), 1);
+    }
+    let none = sh(&dir, "imu-read tare ./imu --remove --rs485-address 3").expect(2);
+    assert!(none.stderr.contains("0x0F"), "{}", none.stderr);
 }

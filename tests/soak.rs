@@ -139,7 +139,7 @@ fn nothing_is_lost_that_is_not_counted() {
     }
 
     // The first scan may take its time on a busy machine; then the clock runs.
-    assert!(Service::wait_until(&plc, LONG, |plc| plc.writes(SYMBOL) > 0));
+    assert!(plc.wait_until(LONG, |plc| plc.writes(SYMBOL) > 0));
     let due = Instant::now() + Duration::from_secs_f64(span_s);
     let mut restarts = 0;
     while Instant::now() < due {
@@ -163,7 +163,7 @@ fn nothing_is_lost_that_is_not_counted() {
     }
     // The last fault may have been the controller's: it is back, and is written to.
     let before = plc.lock().writes(SYMBOL);
-    assert!(Service::wait_until(&plc, LONG, |plc| plc.writes(SYMBOL) > before));
+    assert!(plc.wait_until(LONG, |plc| plc.writes(SYMBOL) > before));
     for (stage, line) in stages.iter().zip(&lines) {
         if let Some(kb) = stage.proc_status("VmHWM") {
             let kb: u64 = kb.split(' ').next().unwrap().parse().unwrap();

@@ -6,7 +6,7 @@
 #![no_main]
 
 use cablepose::hokuyo::client as hokuyo;
-use cablepose::gx1::{Command, Session, session::Patience};
+use cablepose::gx1::{Command, Session, session::Line};
 use cablepose::link::Endpoint;
 use cablepose::sick::client as sick;
 use cablepose::sick::client::configure::Present;
@@ -98,15 +98,16 @@ fn hokuyo(port: u16) {
 }
 
 fn gx1(port: u16) {
-    let patience = Patience { wait: Duration::ZERO, interrupted: &|| false };
+    let line = Line { port: &endpoint(port), bauds: &[38_400], bus_address: None };
     let keep = [Command::StabilisedEulerAccelRate];
-    let Ok(mut session) = Session::open(&endpoint(port), &[38_400], &keep, None, &patience) else {
+    let never = || false;
+    let Ok(mut session) = Session::open(&line, &keep, None, Duration::ZERO, &never) else {
         return;
     };
-    let _ = session.identity(&patience);
-    let _ = session.gains(&patience);
-    let _ = session.tick(&patience);
-    let _ = session.start(Command::StabilisedEulerAccelRate, &patience);
+    let _ = session.identity(&never);
+    let _ = session.gains(&never);
+    let _ = session.tick(&never);
+    let _ = session.start(Command::StabilisedEulerAccelRate, &never);
     while session.next().is_some() {}
 }
 

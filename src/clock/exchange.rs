@@ -1,6 +1,7 @@
 //! Logs of exchanges with a device, made ready to be fitted: on one evenly running clock, in the
 //! device's order, split where a clock began anew.
 
+use super::ticks::LAP_US;
 use crate::record::ClockExchange;
 use serde::Serialize;
 
@@ -102,7 +103,7 @@ const SLACK_NS: f64 = 50e6;
 /// A change of the calendar clock against the even one that is a step and not slewing, ns.
 const HOST_STEP_NS: f64 = 1e6;
 /// One lap of a 32 bit microsecond counter, ns.
-const LAP_NS: i64 = (1 << 32) * 1000;
+const LAP_NS: i64 = LAP_US * 1000;
 
 impl Log {
     /// Sorts out records in the order in which they were made. With `wire`, the time that request
@@ -116,7 +117,7 @@ impl Log {
             .all(|r| r.host_send_raw.is_some() && r.host_receive_raw.is_some());
         let mut log = Log::default();
         let mut session = Session::default();
-        let mut lap_ns = 0;
+        let mut lap_ns = 0i64;
         let (mut backwards, mut last) = (0, None::<Taken>);
         for (index, record) in records.iter().enumerate() {
             let mut taken = Taken::of(record, even);
@@ -139,8 +140,8 @@ impl Log {
                 let split = match taken.against(&last) {
                     Against::Fits => false,
                     Against::Wrapped => {
-                        lap_ns += LAP_NS;
-                        taken.exchange.device_ns += LAP_NS;
+                        lap_ns = lap_ns.saturating_add(LAP_NS);
+                        taken.exchange.device_ns = taken.exchange.device_ns.saturating_add(LAP_NS);
                         log.events.push(ClockEvent::Wrapped { exchange: index });
                         false
                     }
@@ -172,8 +173,10 @@ impl Log {
                 let on_wire = |bytes: Option<u32>| {
                     bytes.map_or(0, |bytes| wire.first_segment_ns(bytes).round() as i64)
                 };
-                exchange.send_ns += on_wire(record.request_bytes);
-                exchange.receive_ns -= on_wire(record.reply_bytes);
+                let [request_ns, reply_ns] =
+                    [record.request_bytes, record.reply_bytes].map(on_wire);
+                exchange.send_ns = exchange.send_ns.saturating_add(request_ns);
+                exchange.receive_ns = exchange.receive_ns.saturating_sub(reply_ns);
             }
             session.utc_minus_host_ns = taken.utc_minus_host_ns;
             session.exchanges.push(exchange);
@@ -256,6 +259,7 @@ impl Taken {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::{FitSettings, fit};
     use crate::record::Stamp;
     use proptest::prelude::*;
 
@@ -273,11 +277,6 @@ mod tests {
             reply_bytes: Some(4000),
             ..ClockExchange::default()
         }
-    }
-
-    #[test]
-    fn a_lap_is() {
-        assert_eq!(LAP_NS, 4_294_967_296_000);
     }
 
     #[test]
@@ -349,17 +348,25 @@ mod tests {
             let records: Vec<_> = fields
                 .iter()
                 .map(|(f, even)| ClockExchange {
-                    host_send: at(f[0] / 4),
-                    device: at(f[1] / 4),
-                    host_receive: at(f[2] / 4),
-                    host_send_raw: even.then(|| at(f[3] / 4)),
-                    host_receive_raw: even.then(|| at(f[4] / 4)),
+                    host_send: at(f[0]),
+                    device: at(f[1]),
+                    host_receive: at(f[2]),
+                    host_send_raw: even.then(|| at(f[3])),
+                    host_receive_raw: even.then(|| at(f[4])),
+                    request_bytes: Some(20),
+                    reply_bytes: even.then_some(4000),
                     ..ClockExchange::default()
                 })
                 .collect();
-            let log = Log::of(&records, None);
+            let log = Log::of(&records, Some(Wire { bits_per_s: 1.0 }));
             let kept: usize = log.sessions.iter().map(|s| s.exchanges.len()).sum();
             prop_assert!(kept <= records.len());
+            let settings = FitSettings { resamples: 2, ..FitSettings::default() };
+            for session in &log.sessions {
+                if let Ok(found) = fit(&session.exchanges, &settings) {
+                    prop_assert_eq!(found.exchanges, session.exchanges.len());
+                }
+            }
         }
     }
 }

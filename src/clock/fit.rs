@@ -143,7 +143,7 @@ pub enum FitError {
 }
 
 /// Fewer exchanges tell nothing of a line.
-const LEAST: usize = 4;
+pub const LEAST_EXCHANGES: usize = 4;
 /// Length of the blocks that are drawn anew, s: delays within a burst belong together.
 const BLOCK_S: f64 = 1.0;
 /// At most so many blocks.
@@ -168,17 +168,15 @@ const STRETCH_S: f64 = 1.0;
 /// # Errors
 /// [`FitError`] where there are too few exchanges.
 pub fn fit(exchanges: &[Exchange], settings: &FitSettings) -> Result<ClockFit, FitError> {
-    let (Some(first), Some(last)) = (exchanges.first(), exchanges.last()) else {
-        return Err(FitError::TooFew {
-            found: 0,
-            needed: LEAST,
-        });
+    let too_few = FitError::TooFew {
+        found: exchanges.len(),
+        needed: LEAST_EXCHANGES,
     };
-    if exchanges.len() < LEAST {
-        return Err(FitError::TooFew {
-            found: exchanges.len(),
-            needed: LEAST,
-        });
+    let (Some(first), Some(last)) = (exchanges.first(), exchanges.last()) else {
+        return Err(too_few);
+    };
+    if exchanges.len() < LEAST_EXCHANGES {
+        return Err(too_few);
     }
     if first.device_ns == last.device_ns {
         return Err(FitError::Still);
@@ -197,10 +195,6 @@ pub fn fit(exchanges: &[Exchange], settings: &FitSettings) -> Result<ClockFit, F
         // The answers' line rests on stamps that were cut least: there nothing is missing.
         samples = origin.samples(exchanges, 0.0);
     }
-    let too_few = FitError::TooFew {
-        found: exchanges.len(),
-        needed: LEAST,
-    };
     let found = offset(&samples, method).ok_or(too_few)?;
     let shift_ns = if method == Method::OneWay {
         0.0
@@ -209,17 +203,13 @@ pub fn fit(exchanges: &[Exchange], settings: &FitSettings) -> Result<ClockFit, F
     };
     let scatter = scatter(&samples, method, settings.resamples);
     let end_s = samples.last().map_or(0.0, |s| s.x_s);
-    let mut pieces = Vec::new();
-    split(&samples, method, settings.resamples.min(60), &mut pieces);
-    let pieces: Vec<Piece> = pieces
+    let host_ns = |k: usize| exchanges.get(k).map_or(0, Exchange::middle_ns);
+    let pieces: Vec<Piece> = Splitter::split(&samples, method, settings.resamples.min(60))
         .into_iter()
-        .map(|(range, found)| {
-            let host = |k: usize| exchanges.get(k).map_or(0, Exchange::middle_ns);
-            Piece {
-                from_host_ns: host(range.0),
-                to_host_ns: host(range.1),
-                line: clock_line(origin, found.line, shift_ns),
-            }
+        .map(|part| Piece {
+            from_host_ns: host_ns(part.first),
+            to_host_ns: host_ns(part.last),
+            line: clock_line(origin, part.line, shift_ns),
         })
         .collect();
     let rtt_min_ns = samples
@@ -322,52 +312,71 @@ fn support_points(samples: &[Sample], method: Method) -> usize {
     }
 }
 
-/// Splits where the rates of the two halves differ; gives the first and last sample of each piece.
-fn split(
-    samples: &[Sample],
+/// A part of the samples through which one line goes.
+struct Straight {
+    first: usize,
+    last: usize,
+    line: Line,
+}
+
+/// Splits the samples where the rates of two halves differ, and the halves again.
+struct Splitter {
     method: Method,
     resamples: u32,
-    pieces: &mut Vec<((usize, usize), Offset)>,
-) {
+    parts: Vec<Straight>,
+}
+
+impl Splitter {
     /// 2^12 pieces of 10 s are half a day.
     const DEEPEST: u32 = 12;
-    fn halve(
-        samples: &[Sample],
-        start: usize,
-        depth: u32,
-        (method, resamples): (Method, u32),
-        pieces: &mut Vec<((usize, usize), Offset)>,
-    ) {
-        let Some(whole) = offset(samples, method) else {
-            return;
+
+    fn split(samples: &[Sample], method: Method, resamples: u32) -> Vec<Straight> {
+        let mut splitter = Splitter {
+            method,
+            resamples,
+            parts: Vec::new(),
         };
-        let end = start + samples.len() - 1;
+        splitter.add(samples, 0, 0);
+        splitter.parts
+    }
+
+    /// Takes samples of which the first is number `first` of all.
+    fn add(&mut self, samples: &[Sample], first: usize, depth: u32) {
         let (a, b) = samples.split_at(samples.len() / 2);
-        let span_s = |s: &[Sample]| match (s.first(), s.last()) {
+        if depth < Splitter::DEEPEST && self.is_bent(a, b) {
+            self.add(a, first, depth + 1);
+            self.add(b, first + a.len(), depth + 1);
+        } else if let Some(Offset { line, .. }) = offset(samples, self.method) {
+            self.parts.push(Straight {
+                first,
+                last: first + samples.len() - 1,
+                line,
+            });
+        }
+    }
+
+    /// Whether two neighbours have rates that differ by more than they scatter, and by enough to bend
+    /// a line through both.
+    fn is_bent(&self, a: &[Sample], b: &[Sample]) -> bool {
+        let span_s = |from: &[Sample], to: &[Sample]| match (from.first(), to.last()) {
             (Some(first), Some(last)) => last.x_s - first.x_s,
             _ => 0.0,
         };
-        let long = |s: &[Sample]| s.len() >= PIECE_EXCHANGES && span_s(s) >= PIECE_S;
-        let bent = depth < DEEPEST && resamples > 0 && long(a) && long(b) && {
-            let rates = offset(a, method).zip(offset(b, method));
-            rates.is_some_and(|(a, b)| {
-                let change = (b.line.slope - a.line.slope).abs();
-                change * span_s(samples) / 8.0 > BEND_NS
-            }) && {
-                let sigmas = scatter(a, method, resamples).zip(scatter(b, method, resamples));
-                let sigma = sigmas.map_or(f64::INFINITY, |(a, b)| a.slope.hypot(b.slope));
-                rates
-                    .is_some_and(|(a, b)| (b.line.slope - a.line.slope).abs() > BEND_SIGMAS * sigma)
-            }
-        };
-        if bent {
-            halve(a, start, depth + 1, (method, resamples), pieces);
-            halve(b, start + a.len(), depth + 1, (method, resamples), pieces);
-        } else {
-            pieces.push(((start, end), whole));
+        let long = |s: &[Sample]| s.len() >= PIECE_EXCHANGES && span_s(s, s) >= PIECE_S;
+        if self.resamples == 0 || !long(a) || !long(b) {
+            return false;
         }
+        let Some((of_a, of_b)) = offset(a, self.method).zip(offset(b, self.method)) else {
+            return false;
+        };
+        let change = (of_b.line.slope - of_a.line.slope).abs();
+        if change * span_s(a, b) / 8.0 <= BEND_NS {
+            return false;
+        }
+        let scatter = |s: &[Sample]| scatter(s, self.method, self.resamples);
+        let sigmas = scatter(a).zip(scatter(b));
+        sigmas.is_some_and(|(a, b)| change > BEND_SIGMAS * a.slope.hypot(b.slope))
     }
-    halve(samples, 0, 0, (method, resamples), pieces);
 }
 
 /// How a result scatters: standard deviations at the middle, at the end, and of the slope.

@@ -2,9 +2,7 @@
 //!
 //! - [`TickUnwrapper`] makes a 32 bit microsecond counter one that does not wrap
 //! - [`Counter`] does the same for counters of any width
-//! - [`LowerEnvelope`] finds the offset between two clocks from arrival times, causally
-//! - [`OneWayHull`] finds offset and drift, causally and in pieces
-//! - [`LowerHull`] and its lines are what the estimators are built on
+//! - [`OneWayHull`] finds offset and drift from arrival times alone, causally and in pieces
 //! - [`Log`] sorts out recorded exchanges: wraps, restarts, steps of the host's clock
 //! - [`fit()`] finds offset and drift from exchanges, with their uncertainty
 //! - [`delay`] finds the delay between a desired motion and what was measured of it
@@ -13,7 +11,6 @@
 mod cloud;
 mod counter;
 pub mod delay;
-mod envelope;
 mod exchange;
 mod fit;
 mod hull;
@@ -23,10 +20,8 @@ mod ticks;
 
 pub use cloud::Method;
 pub use counter::Counter;
-pub use envelope::LowerEnvelope;
 pub use exchange::{ClockEvent, Exchange, Log, Session, Wire};
-pub use fit::{ClockFit, ClockLine, FitError, FitSettings, Piece, Verdict, fit};
-pub use hull::{Line, LowerHull, Point};
+pub use fit::{ClockFit, ClockLine, FitError, FitSettings, LEAST_EXCHANGES, Piece, Verdict, fit};
 pub use one_way::{Mapped, OneWayHull, OneWaySettings};
 pub use software_pll::SoftwarePll;
 pub use ticks::{Tick, TickUnwrapper};

@@ -37,7 +37,7 @@ pub struct Mapped {
 }
 
 /// The causal map from a device's clock to the host's: the line under the cloud of
-/// `arrival - device time` ([`LowerHull`]), in pieces.
+/// `arrival - device time`, in pieces.
 ///
 /// The shortest delay stays in it, which one-way times cannot show. Two hulls take turns, so that
 /// what is older than [`OneWaySettings::window_s`] is forgotten; memory is bounded and a record costs
@@ -183,11 +183,6 @@ impl OneWayHull {
     /// How much slower the device's clock runs than the host's, ns/s: negative where it is fast.
     pub fn rate(&self) -> Option<f64> {
         self.line.map(|line| line.slope)
-    }
-
-    /// How long after the mapped device time a record arrived, ns: its delay beyond the shortest.
-    pub fn wait_ns(&self, device_ns: i64, arrival_ns: i64) -> Option<i64> {
-        Some(arrival_ns.saturating_sub(self.host_ns(device_ns)?))
     }
 
     fn point(start: (i64, i64), device_ns: i64, arrival_ns: i64) -> Point {

@@ -27,7 +27,7 @@ impl SoftwarePll {
             return self.host_ns(device);
         }
         let predicted = self.host_ns(device)?;
-        if (predicted - arrival).abs() < Self::TOLERANCE_NS {
+        if predicted.saturating_sub(arrival).saturating_abs() < Self::TOLERANCE_NS {
             self.refused = 0;
             self.recent.pop_front();
             self.recent.push_back((device, arrival));
@@ -48,7 +48,8 @@ impl SoftwarePll {
             return None;
         }
         let n = self.recent.len() as f64;
-        let relative = |&(d, a): &(i64, i64)| ((d - device_0) as f64, (a - arrival_0) as f64);
+        let since = |later: i64, earlier: i64| later.saturating_sub(earlier) as f64;
+        let relative = |&(d, a): &(i64, i64)| (since(d, device_0), since(a, arrival_0));
         let (sum_x, sum_y) = self
             .recent
             .iter()
@@ -66,7 +67,8 @@ impl SoftwarePll {
                 )
             });
         let slope = if xx > 0.0 { xy / xx } else { 1.0 };
-        Some(arrival_0 + (slope * (device_ns - device_0) as f64).round() as i64)
+        let elapsed_ns = (slope * since(device_ns, device_0)).round() as i64;
+        Some(arrival_0.saturating_add(elapsed_ns))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A 32 bit microsecond counter that wraps every 71.58 min, unwrapped to 64 bit.
 
 /// One lap of the counter, us.
-const LAP_US: i64 = 1 << 32;
+pub(super) const LAP_US: i64 = 1 << 32;
 /// How far a telegram may lag behind one that overtook it, us. Further back is a new start.
 const LATE_US: i64 = 10_000_000;
 /// How much more time than the host saw may have passed on the device, us: telegrams that a stalled

@@ -148,38 +148,37 @@ use Word::{
     RawRate, Roll, Temperature, Ticks, Value, Yaw,
 };
 
-const RAW: Reply = Reply::Words(&[
-    RawMag(0),
-    RawMag(1),
-    RawMag(2),
-    RawAccel(0),
-    RawAccel(1),
-    RawAccel(2),
-    RawRate(0),
-    RawRate(1),
-    RawRate(2),
-    Ticks,
-]);
-const VECTORS: Reply = Reply::Words(&[
-    Mag(0),
-    Mag(1),
-    Mag(2),
-    Accel(0),
-    Accel(1),
-    Accel(2),
-    Rate(0),
-    Rate(1),
-    Rate(2),
-    Ticks,
-]);
-const QUATERNION: Reply = Reply::Words(&[
+/// A reply of words, in the order sent; `Mag xyz` are the three of a vector.
+macro_rules! reply {
+    (@ [$($done:expr,)*]) => {
+        Reply::Words(&[$($done),*])
+    };
+    (@ [$($done:expr,)*] $vector:ident xyz $(, $($rest:tt)*)?) => {
+        reply!(@ [$($done,)* $vector(0), $vector(1), $vector(2),] $($($rest)*)?)
+    };
+    (@ [$($done:expr,)*] $word:expr $(, $($rest:tt)*)?) => {
+        reply!(@ [$($done,)* $word,] $($($rest)*)?)
+    };
+    ($($words:tt)+) => {
+        reply!(@ [] $($words)+)
+    };
+}
+
+const RAW: Reply = reply![RawMag xyz, RawAccel xyz, RawRate xyz, Ticks];
+const VECTORS: Reply = reply![Mag xyz, Accel xyz, Rate xyz, Ticks];
+const QUATERNION: Reply = reply![
     Quaternion(0),
     Quaternion(1),
     Quaternion(2),
     Quaternion(3),
-    Ticks,
-]);
-const MATRIX: Reply = Reply::Words(&[
+    Ticks
+];
+const QUATERNION_VECTORS: Reply = reply![
+    Quaternion(0), Quaternion(1), Quaternion(2), Quaternion(3),
+    Mag xyz, Accel xyz, Rate xyz, Ticks
+];
+/// Column by column.
+const MATRIX: Reply = reply![
     Matrix(1, 1),
     Matrix(2, 1),
     Matrix(3, 1),
@@ -189,52 +188,13 @@ const MATRIX: Reply = Reply::Words(&[
     Matrix(1, 3),
     Matrix(2, 3),
     Matrix(3, 3),
-    Ticks,
-]);
-const QUATERNION_VECTORS: Reply = Reply::Words(&[
-    Quaternion(0),
-    Quaternion(1),
-    Quaternion(2),
-    Quaternion(3),
-    Mag(0),
-    Mag(1),
-    Mag(2),
-    Accel(0),
-    Accel(1),
-    Accel(2),
-    Rate(0),
-    Rate(1),
-    Rate(2),
-    Ticks,
-]);
-const EULER: Reply = Reply::Words(&[Roll, Pitch, Yaw, Ticks]);
-const EULER_ACCEL_RATE: Reply = Reply::Words(&[
-    Roll,
-    Pitch,
-    Yaw,
-    Accel(0),
-    Accel(1),
-    Accel(2),
-    Rate(0),
-    Rate(1),
-    Rate(2),
-    Ticks,
-]);
-const TICKS: Reply = Reply::Words(&[Ticks]);
-const VALUE: Reply = Reply::Words(&[Value(0), Ticks]);
-const NUMBER: Reply = Reply::Words(&[Value(0)]);
-const HARD_IRON: Reply = Reply::Words(&[
-    Mag(0),
-    Mag(1),
-    Mag(2),
-    MagMin(0),
-    MagMin(1),
-    MagMin(2),
-    MagMax(0),
-    MagMax(1),
-    MagMax(2),
-    Ticks,
-]);
+    Ticks
+];
+const EULER: Reply = reply![Roll, Pitch, Yaw, Ticks];
+const EULER_ACCEL_RATE: Reply = reply![Roll, Pitch, Yaw, Accel xyz, Rate xyz, Ticks];
+const TICKS: Reply = reply![Ticks];
+const VALUE: Reply = reply![Value(0), Ticks];
+const NUMBER: Reply = reply![Value(0)];
 
 commands! {
     Null = 0x00, "null", "null command", [], Reply::None,
@@ -251,7 +211,7 @@ commands! {
         "Gyro-stabilised attitude.";
     CaptureGyroBias = 0x06, "bias", "capture gyro bias", [], TICKS,
         "Takes the mean rate of the next samples for the gyros' bias: keep the unit still. It is not the tare.";
-    Temperature = 0x07, "temperature", "temperature", [], Reply::Words(&[Temperature, Ticks]),
+    Temperature = 0x07, "temperature", "temperature", [], reply![Temperature, Ticks],
         "The temperature inside.";
     ReadEeprom = 0x08, "read-eeprom", "read EEPROM", [Free], Reply::Bare,
         "Reads a cell; the answer has neither header nor sum.";
@@ -283,7 +243,7 @@ commands! {
     WriteGains = 0x24, "write-gains", "write system gains", [], TICKS,
         "Unconfirmed: its arguments are not known, its reply has five bytes.";
     ReadGains = 0x25, "read-gains", "read system gains", [],
-        Reply::Words(&[Value(0), Value(1), Value(2), Ticks]),
+        reply![Value(0), Value(1), Value(2), Ticks],
         "Unconfirmed: three words whose meaning is not known.";
     SelfTest = 0x27, "self-test", "self test", [], NUMBER,
         "Unconfirmed: its reply has five bytes.";
@@ -299,11 +259,12 @@ commands! {
     StartHardIron = 0x40, "start-hard-iron", "start hard-iron calibration",
         [Fixed(0x71), Fixed(0x3E)], TICKS,
         "Begins a hard-iron calibration.";
-    CollectHardIron = 0x41, "collect-hard-iron", "collect hard-iron data", [], HARD_IRON,
+    CollectHardIron = 0x41, "collect-hard-iron", "collect hard-iron data", [],
+        reply![Mag xyz, MagMin xyz, MagMax xyz, Ticks],
         "One reading of the field while the unit is turned.";
     ComputeHardIron = 0x42, "compute-hard-iron", "compute hard-iron offsets",
         [Fixed(0x71), Fixed(0x3E), Free, Free, Free],
-        Reply::Words(&[MagOffset(0), MagOffset(1), MagOffset(2), Ticks]),
+        reply![MagOffset xyz, Ticks],
         "Ends a hard-iron calibration (type 0 = 3D or 1 = 2D, magnitude of z MSB, LSB).";
     Firmware = 0xF0, "firmware", "firmware version", [], NUMBER,
         "The firmware's number, see [`firmware_version`].";
@@ -399,20 +360,6 @@ impl Command {
             )
         })
     }
-
-    /// Whether its quantities are gyro-stabilised.
-    pub const fn is_stabilised(self) -> bool {
-        matches!(
-            self,
-            Command::StabilisedVectors
-                | Command::StabilisedQuaternion
-                | Command::StabilisedMatrix
-                | Command::StabilisedQuaternionVectors
-                | Command::StabilisedEuler
-                | Command::StabilisedQuaternionInstantVectors
-                | Command::StabilisedEulerAccelRate
-        )
-    }
 }
 
 impl fmt::Display for Command {
@@ -479,6 +426,32 @@ mod tests {
             assert!(length <= LONGEST_REPLY);
         }
         assert_eq!(Command::from_byte(0xE5), None);
+    }
+
+    #[test]
+    fn words_come_in_the_printed_order() {
+        let names = |command: Command| -> String {
+            let names: Vec<String> = command.words().iter().map(|word| word.name()).collect();
+            names.join(" ")
+        };
+        let vectors = "mag_x mag_y mag_z accel_x accel_y accel_z rate_x rate_y rate_z ticks";
+        assert_eq!(names(Command::InstantVectors), vectors);
+        assert_eq!(
+            names(Command::StabilisedQuaternionVectors),
+            format!("q0 q1 q2 q3 {vectors}")
+        );
+        assert_eq!(
+            names(Command::StabilisedEulerAccelRate),
+            "roll pitch yaw accel_x accel_y accel_z rate_x rate_y rate_z ticks"
+        );
+        assert_eq!(
+            names(Command::StabilisedMatrix),
+            "m11 m21 m31 m12 m22 m32 m13 m23 m33 ticks"
+        );
+        assert_eq!(
+            names(Command::CollectHardIron),
+            "mag_x mag_y mag_z mag_min_x mag_min_y mag_min_z mag_max_x mag_max_y mag_max_z ticks"
+        );
     }
 
     #[test]

@@ -108,10 +108,14 @@ pub const GAIN_CELLS: [u16; 3] = [230, 130, 232];
 /// The addresses of the four factors of the tick.
 pub const TICK_CELLS: [u16; 4] = [238, 240, 242, 246];
 
+/// Samples of a capture of the gyros' bias.
+pub const BIAS_SAMPLES_CELL: u16 = 26;
 /// Speed of the line.
 pub const BAUD_CELL: u16 = 44;
 /// RS-232 or RS-485.
 pub const INTERFACE_CELL: u16 = 46;
+/// Address on RS-485.
+pub const NODE_CELL: u16 = 64;
 /// Gyro stabilisation.
 pub const STABILISATION_CELL: u16 = 122;
 /// Command streamed after power-up.
@@ -170,9 +174,9 @@ pub fn guard(address: u16, value: u16) -> Guard {
             Guard::Forced("0 cuts the RS-232 link: the unit then answers on RS-485 only")
         }
         INTERFACE_CELL => Guard::Forced("a wrong value cuts the link"),
-        64 => Guard::Forced("the unit will answer at another address on RS-485"),
-        130 | 230 | 232 => Guard::Forced("every vector is scaled by it"),
-        238 | 240 | 242 | 246 if value == 0 => {
+        NODE_CELL => Guard::Forced("the unit will answer at another address on RS-485"),
+        gain if GAIN_CELLS.contains(&gain) => Guard::Forced("every vector is scaled by it"),
+        factor if TICK_CELLS.contains(&factor) && value == 0 => {
             Guard::Refused("a factor of 0 stops the unit's clock")
         }
         _ if at(address).is_some() => Guard::Free,
@@ -200,6 +204,7 @@ pub fn baud_of(code: u16) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gx1::{Gains, TickFactors};
 
     #[test]
     fn the_calibration_is_refused_cell_by_cell() {
@@ -236,6 +241,19 @@ mod tests {
         assert_eq!(guard(246, 10), Guard::Free);
         assert!(matches!(guard(246, 0), Guard::Refused(_)));
         assert!(matches!(guard(300, 0), Guard::Forced(_)));
+    }
+
+    #[test]
+    fn defaults_are_the_factorys() {
+        let defaults = |cells: &[u16]| -> Vec<Option<u16>> {
+            cells
+                .iter()
+                .map(|cell| at(*cell).unwrap().default)
+                .collect()
+        };
+        let Gains { accel, rate, mag } = Gains::FACTORY;
+        assert_eq!(defaults(&GAIN_CELLS), [accel, rate, mag].map(Some));
+        assert_eq!(defaults(&TICK_CELLS), TickFactors::FACTORY.0.map(Some));
     }
 
     #[test]

@@ -81,6 +81,23 @@ impl Framer {
         }
     }
 
+    /// A framer of a session with a unit, live or recorded: it expects what every session asks, and
+    /// the replies of `commands`.
+    pub fn of_session(baud: u32, commands: &[Command]) -> Framer {
+        let mut framer = Framer::new(baud);
+        framer.expect(&[
+            Command::SetContinuous,
+            Command::Firmware,
+            Command::SerialNumber,
+            Command::ReadEepromChecked,
+            Command::WriteEepromChecked,
+        ]);
+        for command in commands {
+            framer.expect_also(*command);
+        }
+        framer
+    }
+
     /// Sets which replies are looked for. Fewer are better: any byte that looks like an expected
     /// header costs a test, and one test in 65536 holds by chance.
     pub fn expect(&mut self, commands: &[Command]) {

@@ -96,6 +96,8 @@ pub struct Samples {
     /// Samples that may get quantities of further replies, by ticks.
     pending: BTreeMap<i64, Pending>,
     newest_ticks: i64,
+    /// Ticks of the newest sample that went out.
+    gone_ticks: i64,
     next_seq: u32,
     out: VecDeque<ImuSample>,
     remarks: VecDeque<Remark>,
@@ -123,6 +125,7 @@ impl Samples {
             looked: false,
             pending: BTreeMap::new(),
             newest_ticks: i64::MIN,
+            gone_ticks: i64::MIN,
             next_seq: 0,
             out: VecDeque::new(),
             remarks: VecDeque::new(),
@@ -246,6 +249,7 @@ impl Samples {
         }
         if place.restarted {
             self.emit_before(i64::MAX);
+            self.gone_ticks = i64::MIN;
             self.clock.restart();
             self.counts.restarts += 1;
         }
@@ -302,6 +306,11 @@ impl Samples {
         let command = arrived.packet.command();
         let mut pending = match self.pending.remove(&ticks) {
             Some(pending) => pending,
+            // The sample of that cycle has gone out: the reply comes twice. Samples do not go back.
+            None if ticks <= self.gone_ticks => {
+                self.counts.repeated += 1;
+                return;
+            }
             None => {
                 let Some(stamp) = self.clock.at(ticks) else {
                     return;
@@ -366,8 +375,8 @@ impl Samples {
         while let Some(entry) = self.pending.first_entry()
             && entry.get().commands.len() >= self.setup.commands.len()
         {
-            let pending = entry.remove();
-            self.emit(pending);
+            let (ticks, pending) = entry.remove_entry();
+            self.emit(ticks, pending);
         }
     }
 
@@ -376,12 +385,13 @@ impl Samples {
         while let Some(entry) = self.pending.first_entry()
             && *entry.key() < ticks
         {
-            let pending = entry.remove();
-            self.emit(pending);
+            let (ticks, pending) = entry.remove_entry();
+            self.emit(ticks, pending);
         }
     }
 
-    fn emit(&mut self, pending: Pending) {
+    fn emit(&mut self, ticks: i64, pending: Pending) {
+        self.gone_ticks = ticks;
         let missing = u32::try_from(pending.missing).unwrap_or(u32::MAX);
         let seq = self.next_seq.wrapping_add(missing);
         self.next_seq = seq.wrapping_add(1);
@@ -547,6 +557,27 @@ mod tests {
         assert!(taken.windows(2).all(|pair| pair[0].stamp <= pair[1].stamp));
         assert!(taken.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
         assert_eq!(samples.counts().lost, 0);
+    }
+
+    #[test]
+    fn a_polled_reply_that_comes_twice_makes_no_sample() {
+        let commands = [Command::StabilisedEuler, Command::InstantVectors];
+        let mut samples = begun(&commands, Mode::Continuous);
+        for k in 0..20u16 {
+            let at = i64::from(k) * 10 * MS;
+            samples.push(&euler(5 * k, at));
+            samples.push(&vectors(5 * k, at + MS));
+            // Again at once, and again a cycle later.
+            if k > 10 {
+                samples.push(&vectors(5 * k, at + 2 * MS));
+                samples.push(&vectors(5 * (k - 1), at + 3 * MS));
+            }
+        }
+        samples.finish();
+        let taken = taken(&mut samples);
+        assert_eq!(taken.len(), 20);
+        assert!(taken.windows(2).all(|pair| pair[0].stamp < pair[1].stamp));
+        assert_eq!(samples.counts().repeated, 2 * 9);
     }
 
     #[test]

@@ -1,10 +1,23 @@
 //! The unit's clock: how long a tick is, and how many a calculation takes.
 
 use super::command::{Command, Word};
+use std::ops::RangeInclusive;
 
 /// The four factors of the tick, cells 238, 240, 242 and 246.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickFactors(pub [u16; 4]);
+
+/// A tick that no unit has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the tick factors (cells 238, 240, 242 and 246) are {:?}, a tick of {} ms; one of 0.1 to 100 ms \
+     makes sense",
+    .0.0, .0.tick_s() * 1e3
+)]
+pub struct TickError(pub TickFactors);
+
+/// The ticks that make sense, ns.
+const SENSIBLE_NS: RangeInclusive<u64> = 100_000..=100_000_000;
 
 /// The base of the tick, ns: two settings whose ticks are known agree on 1e-7 s.
 const BASE_NS: u64 = 100;
@@ -12,6 +25,18 @@ const BASE_NS: u64 = 100;
 impl TickFactors {
     /// What leaves the factory: 6.5536 ms.
     pub const FACTORY: TickFactors = TickFactors([16, 16, 256, 1]);
+
+    /// Says what is wrong with them, if anything is.
+    ///
+    /// # Errors
+    /// [`TickError`].
+    pub fn check(self) -> Result<TickFactors, TickError> {
+        if SENSIBLE_NS.contains(&self.tick_ns()) {
+            Ok(self)
+        } else {
+            Err(TickError(self))
+        }
+    }
 
     /// Length of a tick by the unit's own clock, ns; 0 where a factor is.
     pub fn tick_ns(self) -> u64 {
@@ -29,7 +54,7 @@ impl TickFactors {
     /// no four factors make it. The first three are those of 10 ms settings in the field (4, 10,
     /// 250) wherever they fit.
     pub fn of_tick_ns(ns: u64) -> Option<TickFactors> {
-        if !(100_000..=100_000_000).contains(&ns) || !ns.is_multiple_of(BASE_NS) {
+        if !SENSIBLE_NS.contains(&ns) || !ns.is_multiple_of(BASE_NS) {
             return None;
         }
         let product = ns / BASE_NS;
@@ -74,7 +99,18 @@ mod tests {
         assert_eq!(TickFactors([4, 10, 250, 10]).tick_ns(), 10_000_000);
         assert_eq!(TickFactors([4, 10, 250, 2]).tick_ns(), 2_000_000);
         assert_eq!(TickFactors([0, 10, 250, 2]).tick_ns(), 0);
-        assert!(TickFactors([u16::MAX; 4]).tick_ns() > 0);
+        assert_eq!(TickFactors([u16::MAX; 4]).tick_ns(), u64::MAX);
+    }
+
+    #[test]
+    fn senseless_ticks_are_refused() {
+        for factors in [[16, 16, 256, 1], [4, 10, 250, 2], [1, 1, 1000, 1]] {
+            assert!(TickFactors(factors).check().is_ok(), "{factors:?}");
+        }
+        for factors in [[0, 10, 250, 2], [1, 1, 1, 1], [u16::MAX; 4]] {
+            let wrong = TickFactors(factors).check().unwrap_err();
+            assert!(wrong.to_string().contains("0.1 to 100 ms"), "{wrong}");
+        }
     }
 
     #[test]

@@ -74,11 +74,6 @@ impl SampleClock {
             .map(|raw_ns| self.stamp(raw_ns))
     }
 
-    /// Rate of the host's clock by the unit's, 1e-9.
-    pub fn rate(&self) -> Option<f64> {
-        self.hull.rate()
-    }
-
     fn stamp(&self, raw_ns: i64) -> Stamp {
         let ns = raw_ns
             .saturating_sub(self.delay_ns)

@@ -3,9 +3,9 @@
 //! The bytes themselves do not tell it: a cell's answer does not say which cell it is.
 
 use super::command::Command;
-use super::scale::Gains;
+use super::scale::{Gains, GainsError};
 use super::session::Identity;
-use super::ticks::TickFactors;
+use super::ticks::{TickError, TickFactors};
 use crate::link::RecordingError;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnitFile {
-    /// The firmware's number.
-    pub firmware: u16,
+    /// The firmware's number; absent where it could not be asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub firmware: Option<u16>,
     /// The serial number.
     pub serial: u16,
     /// Speed of the line, Bd.
@@ -47,6 +48,18 @@ pub enum UnitFileError {
     /// A command that does not exist or cannot be streamed.
     #[error("command 0x{0:02X} is no measurement")]
     Command(u8),
+    /// Nothing was read from the unit.
+    #[error("commands is empty: which replies are in the recording?")]
+    NoCommand,
+    /// A rate at which nothing can be asked.
+    #[error("poll_hz is {0}: a number above 0 is wanted")]
+    Rate(f64),
+    /// Gains that make no sense.
+    #[error(transparent)]
+    Gains(#[from] GainsError),
+    /// A tick that makes no sense.
+    #[error(transparent)]
+    Tick(#[from] TickError),
 }
 
 impl UnitFile {
@@ -73,7 +86,16 @@ impl UnitFile {
     pub fn parse(text: &str) -> Result<UnitFile, UnitFileError> {
         let file: UnitFile =
             toml::from_str(text).map_err(|error| UnitFileError::Syntax(error.to_string()))?;
-        file.measurements()?;
+        if file.measurements()?.is_empty() {
+            return Err(UnitFileError::NoCommand);
+        }
+        if let Some(hz) = file.poll_hz
+            && !(hz > 0.0 && hz.is_finite())
+        {
+            return Err(UnitFileError::Rate(hz));
+        }
+        file.gains().check()?;
+        file.tick().check()?;
         Ok(file)
     }
 
@@ -101,6 +123,11 @@ impl UnitFile {
             rate: self.rate_gain,
             mag: self.mag_gain,
         }
+    }
+
+    /// The tick.
+    pub fn tick(&self) -> TickFactors {
+        TickFactors(self.tick_factors)
     }
 
     /// The commands.
@@ -139,7 +166,7 @@ mod tests {
     #[test]
     fn survives_its_text() {
         let identity = Identity {
-            firmware: 3201,
+            firmware: Some(3201),
             serial: 4021,
         };
         let mut file = UnitFile::new(identity, 38_400, Gains::FACTORY, TickFactors::FACTORY);
@@ -147,9 +174,36 @@ mod tests {
         assert_eq!(UnitFile::parse(&file.text()).unwrap(), file);
         file.poll_hz = Some(12.5);
         assert_eq!(UnitFile::parse(&file.text()).unwrap(), file);
-        file.commands = vec![0x10];
-        assert!(UnitFile::parse(&file.text()).is_err());
+        file.firmware = None;
+        assert_eq!(UnitFile::parse(&file.text()).unwrap(), file);
         assert!(UnitFile::parse("baud = 3").is_err());
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_name() {
+        let identity = Identity {
+            firmware: None,
+            serial: 1,
+        };
+        let mut good = UnitFile::new(identity, 38_400, Gains::FACTORY, TickFactors::FACTORY);
+        good.commands = vec![0x31];
+        assert!(UnitFile::parse(&good.text()).is_ok());
+        let refused = |change: fn(&mut UnitFile)| {
+            let mut file = good.clone();
+            change(&mut file);
+            UnitFile::parse(&file.text()).unwrap_err().to_string()
+        };
+        for (why, name) in [
+            (refused(|file| file.commands = vec![0x10]), "0x10"),
+            (refused(|file| file.commands.clear()), "commands"),
+            (refused(|file| file.poll_hz = Some(0.0)), "poll_hz"),
+            (refused(|file| file.poll_hz = Some(f64::NAN)), "poll_hz"),
+            (refused(|file| file.accel_gain = 0), "cell 230"),
+            (refused(|file| file.rate_gain = 64), "3DM-G"),
+            (refused(|file| file.tick_factors[3] = 0), "tick factors"),
+        ] {
+            assert!(why.contains(name), "{name}: {why}");
+        }
     }
 
     #[test]

@@ -48,6 +48,11 @@ pub(super) fn latin_1(text: &[u8]) -> String {
     }
 }
 
+/// Text as the controller wants it, with a zero behind it.
+pub(super) fn zero_ended(text: &str) -> Vec<u8> {
+    [text.as_bytes(), &[0]].concat()
+}
+
 /// A length as the wire has it.
 pub(super) fn length_u32(length: usize) -> u32 {
     u32::try_from(length).unwrap_or(u32::MAX)

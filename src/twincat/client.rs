@@ -6,7 +6,7 @@
 
 use super::address::{AmsAddress, NetId, Target};
 use super::ams::{self, FrameError, Framer, Header, Notified, Request, command, tcp_command};
-use super::bytes::{Bytes, latin_1};
+use super::bytes::{Bytes, latin_1, length_u32};
 use super::code::Code;
 use crate::link::{Connection, Endpoint, HostInstant, LinkError, Waiter};
 use std::collections::VecDeque;
@@ -294,6 +294,7 @@ impl Client {
     /// Does not wait for a reply any more: it will count as late.
     pub fn forget(&mut self, id: InvokeId) {
         self.open.retain(|open| *open != id.0);
+        self.replies.retain(|reply| reply.id != id.0);
     }
 
     fn take<T>(&mut self, id: InvokeId, with: impl FnOnce(Reply) -> T) -> Option<T> {
@@ -333,7 +334,7 @@ impl Client {
                 continue;
             }
             let Some((header, payload)) = Header::parse(frame.body) else {
-                return Err(FrameError::Length(ams_length(frame.body)).into());
+                return Err(FrameError::Length(length_u32(frame.body.len())).into());
             };
             if header.command == command::NOTIFICATION {
                 let (queue, counts) = (&mut self.notified, &mut self.counts);
@@ -374,6 +375,9 @@ impl Client {
     }
 
     /// Writes `data`.
+    ///
+    /// # Errors
+    /// [`ClientError`].
     pub fn write(
         &mut self,
         group: u32,
@@ -390,6 +394,9 @@ impl Client {
     }
 
     /// Reads exactly `length` bytes.
+    ///
+    /// # Errors
+    /// [`ClientError`]; [`ClientError::Reply`] where there are more or fewer.
     pub fn read(
         &mut self,
         group: u32,
@@ -410,6 +417,9 @@ impl Client {
     }
 
     /// Writes `sent` and reads at most `length` bytes.
+    ///
+    /// # Errors
+    /// [`ClientError`]; [`ClientError::Reply`] where there are more.
     pub fn read_write(
         &mut self,
         group: u32,
@@ -432,6 +442,9 @@ impl Client {
     }
 
     /// Name and version (`Plc30 App 3.1.4024`).
+    ///
+    /// # Errors
+    /// [`ClientError`].
     pub fn device_info(&mut self, timeout: Duration) -> Result<String, ClientError> {
         let info = self.call(&Request::DeviceInfo, timeout, |payload| {
             let mut bytes = Bytes(payload);
@@ -446,6 +459,9 @@ impl Client {
     }
 
     /// State of the PLC.
+    ///
+    /// # Errors
+    /// [`ClientError`].
     pub fn state(&mut self, timeout: Duration) -> Result<PlcState, ClientError> {
         let state = self.call(&Request::ReadState, timeout, PlcState::parse)?;
         state.ok_or(ClientError::Reply("the question for the state"))
@@ -478,10 +494,6 @@ fn timed_out(waited: Duration) -> ClientError {
     ClientError::Timeout {
         waited_ms: waited.as_millis(),
     }
-}
-
-fn ams_length(body: &[u8]) -> u32 {
-    super::bytes::length_u32(body.len())
 }
 
 /// A reply whose codes are good.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// A return code of ADS or of an AMS router.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Code(pub u32);
 
 impl Code {
@@ -35,6 +35,8 @@ impl Code {
     pub const OLD_SYMBOL: Code = Code(0x711);
     /// The notification is not known.
     pub const NO_NOTIFICATION: Code = Code(0x714);
+    /// The user name or the password is wrong.
+    pub const NO_ACCESS: Code = Code(0x723);
 
     /// Whether there was no error.
     pub fn is_ok(self) -> bool {

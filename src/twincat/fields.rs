@@ -352,6 +352,17 @@ impl Field {
         i64::try_from(ns).ok().map(Stamp::from_ns)
     }
 
+    /// The structure's member that it is for: the one given, or that of the field's own name.
+    pub fn member_name(&self) -> &str {
+        let own = self.text.split(':').next().unwrap_or_default();
+        self.member.as_deref().unwrap_or(own)
+    }
+
+    /// Whether it is the instant of a point.
+    pub fn is_stamp(&self) -> bool {
+        self.quantity == Quantity::Stamp
+    }
+
     /// Whether it can be read into a trajectory.
     pub fn is_readable(&self) -> bool {
         self.assign(Number::Whole(0), &mut TrajectoryPoint::default())
@@ -363,10 +374,11 @@ impl Field {
     }
 }
 
-/// An instant of a controller's system time (100 ns since 1601).
+/// An instant of a controller's system time (100 ns since 1601); the nearest one that a stamp can
+/// hold, 1677 to 2262.
 pub fn filetime(ticks: u64) -> Stamp {
     let ns = i128::from(ticks) * 100 + EPOCH_1601_NS;
-    Stamp::from_ns(i64::try_from(ns).unwrap_or(i64::MAX))
+    Stamp::from_ns(ns.clamp(i64::MIN.into(), i64::MAX.into()) as i64)
 }
 
 /// The same the other way.
@@ -487,5 +499,7 @@ mod tests {
         assert!(!"vx".parse::<Field>().unwrap().is_writable());
         let stamp = Stamp::from_ns(1_700_000_000_123_456_700);
         assert_eq!(filetime(to_filetime(stamp)), stamp);
+        assert_eq!(filetime(0).ns(), i64::MIN);
+        assert_eq!(filetime(u64::MAX).ns(), i64::MAX);
     }
 }

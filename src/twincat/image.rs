@@ -1,6 +1,6 @@
 //! The bytes of a pose, as they lie in the controller's variables; and a point out of such bytes.
 
-use super::fields::{Field, Quantity, Sample};
+use super::fields::{Field, Sample};
 use super::layout::{Layout, LayoutError, Number, Scalar};
 use crate::record::TrajectoryPoint;
 use std::fmt::Write as _;
@@ -305,10 +305,9 @@ fn members(variable: &Variable, fields: Option<&[Field]>) -> Result<Part, Layout
     let (mut without, mut used) = (Vec::new(), Vec::new());
     for (number, slot) in variable.layout.slots.iter().enumerate() {
         let found = match fields {
-            Some(fields) => fields.iter().find(|field| {
-                let member = field.member.clone().unwrap_or_else(|| field.text_name());
-                member.eq_ignore_ascii_case(&slot.name)
-            }),
+            Some(fields) => fields
+                .iter()
+                .find(|field| field.member_name().eq_ignore_ascii_case(&slot.name)),
             None => None,
         };
         let field = match (fields, found) {
@@ -379,19 +378,6 @@ fn singles(
         ))),
     });
     parts.collect()
-}
-
-impl Field {
-    /// The field's name without its unit.
-    fn text_name(&self) -> String {
-        let text = self.to_string();
-        text.split(':').next().unwrap_or_default().to_owned()
-    }
-
-    /// Whether it is the instant of a point.
-    pub fn is_stamp(&self) -> bool {
-        self.quantity == Quantity::Stamp
-    }
 }
 
 #[cfg(test)]

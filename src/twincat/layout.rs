@@ -95,7 +95,7 @@ macro_rules! scalars {
 }
 
 scalars! {
-    Bool u8, 33, "BOOL" | "BIT";
+    Bool u8, 33, "BOOL";
     I8 i8, 16, "SINT";
     U8 u8, 17, "USINT" | "BYTE";
     I16 i16, 2, "INT";
@@ -112,28 +112,27 @@ impl Scalar {
     /// Puts a number into `place`, which has the scalar's size. Whole types take the nearest number
     /// and the nearest end of their range; whether the number was within it.
     pub fn put(self, number: Number, place: &mut [u8]) -> bool {
-        let (lowest, highest) = self.range();
-        let whole = number.whole();
-        let clipped = whole.unwrap_or(0).clamp(lowest, highest);
-        let bytes: [u8; 8] = match self {
-            Scalar::F64 => number.real().to_le_bytes(),
-            Scalar::F32 => u64::from((number.real() as f32).to_bits()).to_le_bytes(),
-            Scalar::Bool => u64::from(number.real() != 0.0).to_le_bytes(),
-            // The low bytes of two's complement are the same in every width.
-            _ => (clipped as i64 as u64).to_le_bytes(),
+        let real = number.real();
+        let (bits, fits) = match self {
+            Scalar::F64 => (real.to_bits(), true),
+            Scalar::F32 => {
+                let single = real as f32;
+                let fits = single.is_finite() || !real.is_finite();
+                (u64::from(single.to_bits()), fits)
+            }
+            Scalar::Bool => (u64::from(real != 0.0), true),
+            _ => {
+                let (lowest, highest) = self.range();
+                let whole = number.whole();
+                let clipped = whole.unwrap_or(0).clamp(lowest, highest);
+                // The low bytes of two's complement are the same in every width.
+                (clipped as u64, whole == Some(clipped))
+            }
         };
-        let bytes = match self {
-            Scalar::U64 => (clipped as u64).to_le_bytes(),
-            _ => bytes,
-        };
-        for (to, from) in place.iter_mut().zip(bytes) {
+        for (to, from) in place.iter_mut().zip(bits.to_le_bytes()) {
             *to = from;
         }
-        match self {
-            Scalar::F64 | Scalar::Bool => true,
-            Scalar::F32 => (number.real() as f32).is_finite() || !number.real().is_finite(),
-            _ => whole == Some(clipped),
-        }
+        fits
     }
 
     /// Reads a number from the front of `place`; none where there is too little.
@@ -257,6 +256,10 @@ impl Layout {
         // They are numbers to the controller, and an address made of a pose would end its program.
         if points_elsewhere(&part.type_name) {
             return Err(wrong("pointers and references are not written"));
+        }
+        // Its size and its place are counted in bits, and its neighbours share its byte.
+        if part.type_name.eq_ignore_ascii_case("BIT") {
+            return Err(wrong("single bits are not written; BOOL is"));
         }
         if let Some(scalar) = Scalar::from_base(part.base) {
             let count = size / scalar.size();
@@ -404,6 +407,41 @@ mod tests {
             let wrong = Layout::of_symbol(&symbol, look_up).unwrap_err();
             assert!(wrong.to_string().contains("pointers"), "{wrong}");
         }
+    }
+
+    /// As TwinCAT tells of `b0: BIT; b1: BIT; x: LREAL`: a bit's size and place are in bits.
+    #[test]
+    fn single_bits_are_not_written() {
+        let member = |name: &str, type_name: &str, size, offset, base| DataType {
+            name: name.into(),
+            type_name: type_name.into(),
+            size,
+            offset,
+            base,
+            ..DataType::default()
+        };
+        let bits = DataType {
+            size: 16,
+            members: vec![
+                member("b0", "BIT", 1, 0, 33),
+                member("b1", "BIT", 1, 1, 33),
+                member("x", "LREAL", 8, 8, 5),
+            ],
+            ..DataType::default()
+        };
+        let symbol = Symbol {
+            size: 16,
+            base: 65,
+            type_name: "ST_Bits".into(),
+            ..Symbol::default()
+        };
+        let wrong = Layout::of_symbol(&symbol, |_| Ok::<_, LayoutError>(bits.clone()));
+        let wrong = wrong.unwrap_err().to_string();
+        assert!(
+            wrong.contains("b0 is BIT") && wrong.contains("BOOL"),
+            "{wrong}"
+        );
+        assert!("BIT".parse::<Layout>().is_err());
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! address, and tagged items.
 
 use super::address::{AmsAddress, NetId};
-use super::bytes::{Bytes, length_u32};
+use super::bytes::{Bytes, latin_1, length_u32, zero_ended};
 use super::code::Code;
 use crate::link::{Datagrams, LinkError};
 use std::fmt;
@@ -126,7 +126,6 @@ impl Route {
             net_id: self.net_id,
             port: SYSTEM_SERVICE,
         };
-        let zero_ended = |text: &str| [text.as_bytes(), &[0]].concat();
         let mut items = vec![
             (tag::ROUTE_NAME, zero_ended(&self.name)),
             (tag::NET_ID, self.net_id.0.to_vec()),
@@ -214,7 +213,7 @@ pub fn answer(request: &[u8], who: &Credentials) -> Option<(Vec<u8>, Option<Rout
     }
     let text = |wanted: u16| {
         let item = items.iter().find(|item| item.0 == wanted)?;
-        Some(super::bytes::latin_1(item.1))
+        Some(latin_1(item.1))
     };
     let known = text(tag::USER)? == who.user && text(tag::PASSWORD)? == who.password;
     let net_id = items.iter().find(|item| item.0 == tag::NET_ID)?;
@@ -224,8 +223,8 @@ pub fn answer(request: &[u8], who: &Credentials) -> Option<(Vec<u8>, Option<Rout
         host: text(tag::HOST)?,
         temporary: items.iter().any(|item| item.0 == tag::OPTIONS),
     };
-    let code: u32 = if known { 0 } else { 0x723 };
-    let status = vec![(tag::STATUS, code.to_le_bytes().to_vec())];
+    let code = if known { Code::OK } else { Code::NO_ACCESS };
+    let status = vec![(tag::STATUS, code.0.to_le_bytes().to_vec())];
     let source = AmsAddress {
         net_id: NetId::default(),
         port: SYSTEM_SERVICE,
@@ -263,7 +262,7 @@ mod tests {
         assert_eq!(status(&reply, 7), Some(Code::OK));
         assert_eq!(added, Some(route()));
         let (reply, added) = answer(&request, &who("other")).unwrap();
-        assert_eq!(status(&reply, 7), Some(Code(0x723)));
+        assert_eq!(status(&reply, 7), Some(Code::NO_ACCESS));
         assert_eq!(added, None);
         assert_eq!(status(&reply, 8), None);
         assert!(!format!("{:?}", who("secret")).contains("secret"));

@@ -5,7 +5,7 @@
 //! hashes, size, offset, type number, flags, those lengths, its dimensions and members.
 
 use super::ams::index;
-use super::bytes::{Bytes, latin_1, length_u32};
+use super::bytes::{Bytes, latin_1, length_u32, zero_ended};
 use super::client::{Client, ClientError};
 use super::code::Code;
 use std::time::Duration;
@@ -177,13 +177,6 @@ fn push_texts(out: &mut Vec<u8>, texts: [&str; 3], counts: &[usize]) {
         out.extend_from_slice(text.as_bytes());
         out.push(0);
     }
-}
-
-/// A name as the controller wants it, with a zero behind it.
-pub(super) fn zero_ended(name: &str) -> Vec<u8> {
-    let mut bytes = name.as_bytes().to_vec();
-    bytes.push(0);
-    bytes
 }
 
 /// Asks for a variable. A controller that tells only the size gives a symbol without a type.

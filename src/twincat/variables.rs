@@ -2,8 +2,9 @@
 //!
 //! One request writes everything: a PLC works off a request within one cycle, two may straddle one.
 
+use super::address::AmsAddress;
 use super::ams::{Request, index};
-use super::bytes::{Bytes, length_u32};
+use super::bytes::{Bytes, length_u32, zero_ended};
 use super::client::{Client, ClientError};
 use super::code::Code;
 use super::image::{Image, Variable};
@@ -114,7 +115,7 @@ impl Handles {
     ) -> Result<Handles, ClientError> {
         let mut handles = Handles::default();
         for (name, size) in image.parts() {
-            let asked = symbols::zero_ended(name);
+            let asked = zero_ended(name);
             let reply = client.read_write(index::HANDLE_BY_NAME, 0, 4, &asked, timeout)?;
             let handle = Bytes(&reply).u32();
             let handle = handle.ok_or(ClientError::Reply("the question for a handle"))?;
@@ -180,8 +181,9 @@ impl Handles {
     pub fn rehearse(
         image: &Image,
         bytes: &[u8],
+        target: AmsAddress,
+        source: AmsAddress,
         out: &mut Vec<u8>,
-        from_to: [super::AmsAddress; 2],
     ) {
         let mut handles = Handles::default();
         for (number, (_, size)) in image.parts().enumerate() {
@@ -196,7 +198,7 @@ impl Handles {
             },
             None => handles.sum_write(bytes),
         };
-        request.frame(out, from_to[1], from_to[0], 1);
+        request.frame(out, target, source, 1);
     }
 
     /// Gives the handles back, without waiting for what the controller says to that.

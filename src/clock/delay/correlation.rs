@@ -1,23 +1,17 @@
 //! Delays by correlation and by the derivative, as they are commonly found.
 
-use super::{DelayError, DelaySettings, LEAST, Measured, axes, median};
+use super::{DelayError, DelaySettings, LEAST, Measured, axes, median, travel_m};
 use crate::motion::Motion;
 
 /// The axis along which the motion goes farthest, of those that are used.
-fn main_axis(motion: &dyn Motion, settings: &DelaySettings) -> Result<usize, DelayError> {
-    let travelled = |axis: usize| {
-        let at = |k: i32| {
-            motion
-                .at(motion.duration_s() * f64::from(k) / 1000.0)
-                .position_m[axis]
-        };
-        let low = (0..=1000).map(at).fold(f64::INFINITY, f64::min);
-        (0..=1000).map(at).fold(f64::NEG_INFINITY, f64::max) - low
-    };
-    let axes = axes(motion, settings.axes)?;
-    let longest = axes
+pub(super) fn main_axis(
+    motion: &dyn Motion,
+    settings: &DelaySettings,
+) -> Result<usize, DelayError> {
+    let travel_m = travel_m(motion);
+    let longest = axes(motion, settings.axes)?
         .into_iter()
-        .max_by(|a, b| travelled(*a).total_cmp(&travelled(*b)));
+        .max_by(|a, b| travel_m[*a].total_cmp(&travel_m[*b]));
     longest.ok_or(DelayError::Still)
 }
 

@@ -168,7 +168,8 @@ pub fn fit(
                 jitter_s2: 0.0,
             })
             .collect(),
-        free: [settings.free_gain, settings.free_offset],
+        free_gain: settings.free_gain,
+        free_offset: settings.free_offset,
     };
     problem.solve(seed_s, settings.most_s)
 }
@@ -178,8 +179,8 @@ struct Problem<'a> {
     motion: &'a dyn Motion,
     delay_s: f64,
     axes: Vec<Axis>,
-    /// Whether gains and offsets are free.
-    free: [bool; 2],
+    free_gain: bool,
+    free_offset: bool,
 }
 
 impl Problem<'_> {
@@ -284,16 +285,16 @@ impl Problem<'_> {
 
     /// How many unknowns there are: the delay, and gain and offset of each axis where free.
     fn unknowns(&self) -> usize {
-        1 + self.axes.len() * self.free.iter().filter(|free| **free).count()
+        1 + self.axes.len() * (usize::from(self.free_gain) + usize::from(self.free_offset))
     }
 
-    /// The derivatives of the model: d residual / d unknown, negative.
+    /// The derivatives of the model: minus d residual / d unknown.
     fn gradient(&self, row: &Modelled) -> Gradient {
         let mut gradient = Gradient::zeros();
         let gain = self.axes.get(row.axis).map_or(1.0, |axis| axis.gain);
         gradient[0] = -gain * row.velocity_m_s;
         let per_axis = (self.unknowns() - 1) / self.axes.len().max(1);
-        let values = [(self.free[0], row.desired_m), (self.free[1], 1.0)];
+        let values = [(self.free_gain, row.desired_m), (self.free_offset, 1.0)];
         let values = values.iter().filter(|(free, _)| *free);
         for (k, (_, value)) in values.enumerate() {
             gradient[1 + row.axis * per_axis + k] = *value;
@@ -333,10 +334,10 @@ impl Problem<'_> {
         let mut step = step.iter();
         self.delay_s += step.next().copied().unwrap_or(0.0);
         for axis in &mut self.axes {
-            if self.free[0] {
+            if self.free_gain {
                 axis.gain += step.next().copied().unwrap_or(0.0);
             }
-            if self.free[1] {
+            if self.free_offset {
                 axis.offset_m += step.next().copied().unwrap_or(0.0);
             }
         }

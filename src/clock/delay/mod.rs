@@ -6,15 +6,18 @@
 //!
 //! - [`fit()`] the recommended estimator, with its standard error
 //! - [`correlation`] what is commonly done instead, and the fit's starting point
+//! - [`dissertation()`] the published procedure, by hand
 //! - [`curve()`] the error that is left against the delay that is assumed
 
 pub mod correlation;
 mod curve;
+mod dissertation;
 mod fit;
 #[cfg(test)]
 mod tests;
 
 pub use curve::curve;
+pub use dissertation::{Dissertation, dissertation};
 pub use fit::{AxisFit, DelayFit, Part, PartFit, fit};
 
 use crate::motion::Motion;
@@ -78,24 +81,30 @@ pub enum DelayError {
 
 /// Fewer positions tell nothing.
 pub const LEAST: usize = 12;
-/// An axis along which the desired motion goes less far is left out, m, or less than this share of
-/// the longest.
+/// An axis along which the desired motion goes less far, m, or by less than this share of the longest
+/// way, is left out.
 const LEAST_TRAVEL_M: f64 = 0.02;
+const LEAST_SHARE: f64 = 0.05;
 /// The same for an axis that was asked for: less is rounding, and tells nothing of a gain.
 const LEAST_ASKED_M: f64 = 1e-6;
-const LEAST_SHARE: f64 = 0.05;
 
-/// The axes that are used: those asked for, or those along which the motion goes.
-fn axes(motion: &dyn Motion, wanted: Option<[bool; 3]>) -> Result<Vec<usize>, DelayError> {
-    let duration_s = motion.duration_s();
+/// How far the motion goes along each axis, m.
+fn travel_m(motion: &dyn Motion) -> Vector3<f64> {
+    const STEPS: u32 = 1000;
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = -low;
-    for k in 0..=1000 {
-        let position_m = motion.at(duration_s * f64::from(k) / 1000.0).position_m;
+    for k in 0..=STEPS {
+        let t_s = motion.duration_s() * f64::from(k) / f64::from(STEPS);
+        let position_m = motion.at(t_s).position_m;
         low = low.inf(&position_m);
         high = high.sup(&position_m);
     }
-    let travel_m = high - low;
+    high - low
+}
+
+/// The axes that are used: those asked for, or those along which the motion goes.
+fn axes(motion: &dyn Motion, wanted: Option<[bool; 3]>) -> Result<Vec<usize>, DelayError> {
+    let travel_m = travel_m(motion);
     let least_m = LEAST_TRAVEL_M.max(LEAST_SHARE * travel_m.max());
     let used = |axis: &usize| match wanted {
         Some(wanted) => {

@@ -178,6 +178,32 @@ fn the_curve_is_lowest_at_the_delay() {
 }
 
 #[test]
+fn the_dissertations_hand_finds_where_the_spike_is_least() {
+    let motion = Loops::new(2);
+    let late = measured(&motion, 0.062, [0.0; 2], [1.0, 0.0], 0);
+    let settings = DelaySettings::default();
+    let steps = dissertation(&late, &motion, &settings, Some(0.1), 5e-3).unwrap();
+    assert_eq!(steps.delay_s(), steps.cross_correlation_s + 5e-3);
+    let best_s = steps.cross_correlation_s + steps.best_adjustment_s;
+    assert!((best_s - 0.062).abs() < 1e-9, "{steps:?}");
+    // 3.13 m/s for 62 ms without compensation, and for 38 ms with the total delay.
+    let [not, total, ..] = steps.spike_m;
+    assert!(
+        (not - 0.194).abs() < 2e-3 && (total - 0.119).abs() < 2e-3,
+        "{steps:?}"
+    );
+    let unknown = dissertation(&late, &motion, &settings, None, 0.0).unwrap();
+    assert!(unknown.spike_m[1].is_nan() && unknown.spike_m[2] == unknown.spike_m[3]);
+    // One wild pose in a hundred is no spike.
+    let mut wild = late.clone();
+    for m in wild.iter_mut().step_by(150) {
+        m.position_m.y += 5.0;
+    }
+    let steps = dissertation(&wild, &motion, &settings, None, 0.0).unwrap();
+    assert!((steps.spike_m[0] - not).abs() < 2e-3, "{steps:?}");
+}
+
+#[test]
 fn a_logged_motion_is_as_good() {
     let motion = Loops::new(2);
     let points: Vec<TrajectoryPoint> = (0..(motion.duration_s() * 35.0) as u32)

@@ -173,7 +173,7 @@ impl<S: Senses> Emulator<S> {
     /// What a recording of it needs beside it, when `commands` are read from it.
     pub fn unit_file(&self, commands: &[Command]) -> UnitFile {
         let identity = Identity {
-            firmware: FIRMWARE,
+            firmware: Some(FIRMWARE),
             serial: self.behaviour.serial,
         };
         let (gains, tick) = (self.memory.gains(), self.memory.tick());
@@ -224,7 +224,9 @@ impl<S: Senses> Emulator<S> {
     fn ticks_of(&self, command: Command) -> i64 {
         let whole = |duration_ns: f64| (duration_ns / self.tick_ns()).ceil() as i64;
         match command {
-            Command::CaptureGyroBias => i64::from(self.memory.get(26)).clamp(1, 10_000),
+            Command::CaptureGyroBias => {
+                i64::from(self.memory.get(eeprom::BIAS_SAMPLES_CELL)).clamp(1, 10_000)
+            }
             Command::Tare => whole(TARE.as_nanos() as f64),
             _ => i64::from(ticks::cycle_ticks(command, self.stabilises())),
         }
@@ -412,25 +414,23 @@ impl<S: Senses> Emulator<S> {
                 self.ignore();
                 continue;
             };
-            let arguments = command.arguments();
-            let given = self.input.iter().skip(1);
-            let fits = given
-                .clone()
-                .zip(arguments)
-                .all(|(byte, argument)| match argument {
-                    Argument::Fixed(wanted) => byte == wanted,
-                    Argument::Free => true,
+            let Some(request) = self.input.get(..command.request_length()) else {
+                // The rest is waited for as long as what there is may become a command.
+                let given = self.input.iter().skip(1).zip(command.arguments());
+                let mut guards = given.filter_map(|(byte, argument)| match argument {
+                    Argument::Fixed(wanted) => Some(byte == wanted),
+                    Argument::Free => None,
                 });
-            if !fits {
+                if guards.all(|fits| fits) {
+                    return;
+                }
                 self.ignore();
                 continue;
-            }
-            if self.input.len() < command.request_length() {
-                return;
-            }
-            let free = given.zip(arguments);
-            let free = free.filter(|(_, argument)| **argument == Argument::Free);
-            let free = free.map(|(byte, _)| *byte).collect();
+            };
+            let Some(free) = command.free_arguments(request) else {
+                self.ignore();
+                continue;
+            };
             self.input.drain(..command.request_length());
             self.tally.commands += 1;
             if command == Command::Null {

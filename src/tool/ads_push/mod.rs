@@ -192,17 +192,9 @@ fn start(args: &WholeArgs, wishes: Wishes, options: &Options) -> anyhow::Result<
     } else {
         Stop::install()?
     };
-    let trajectory = wishes.read.is_some().then(|| {
-        let fields = args.read.read_fields.as_ref();
-        let stamped = fields.is_some_and(|fields| fields.0.iter().any(Field::is_stamp));
-        let usual = if stamped {
-            ReadTime::Mapped
-        } else {
-            ReadTime::Arrival
-        };
-        let time = args.read.read_time.unwrap_or(usual);
+    let trajectory = wishes.read.as_ref().map(|read| {
         let to = args.read.read_to.clone().filter(|_| pushes);
-        Trajectory::start(options, to, time, args.read.count)
+        Trajectory::start(options, to, read.time, args.read.count)
     });
     let mailbox = pushes.then(|| Arc::new(Mailbox::new(waker)));
     if let Some(mailbox) = &mailbox {
@@ -241,8 +233,8 @@ fn read_plan(args: &WholeArgs) -> anyhow::Result<Option<ReadPlan>> {
     let Some(symbol) = args.read.read.clone() else {
         return Ok(None);
     };
-    let stamps = args.read.read_fields.iter().flat_map(|fields| &fields.0);
-    let stamped = stamps.into_iter().any(Field::is_stamp);
+    let mut fields = args.read.read_fields.iter().flat_map(|fields| &fields.0);
+    let stamped = fields.any(Field::is_stamp);
     match args.read.read_time {
         Some(ReadTime::Mapped | ReadTime::Plc) if !stamped => {
             return Err(usage(
@@ -256,6 +248,11 @@ fn read_plan(args: &WholeArgs) -> anyhow::Result<Option<ReadPlan>> {
         }
         _ => {}
     }
+    let usual = if stamped {
+        ReadTime::Mapped
+    } else {
+        ReadTime::Arrival
+    };
     let period = args.read.poll.unwrap_or(args.read.read_period);
     if period.is_zero() {
         return Err(usage("--read-period, --poll: a time above 0 is wanted"));
@@ -264,6 +261,7 @@ fn read_plan(args: &WholeArgs) -> anyhow::Result<Option<ReadPlan>> {
         symbol,
         fields: args.read.read_fields.clone(),
         layout: args.read.read_layout.clone(),
+        time: args.read.read_time.unwrap_or(usual),
         period,
         polled: args.read.poll.is_some(),
     }))

@@ -1,7 +1,7 @@
 //! What is asked of a controller, or of nobody, without pushing: checks, lists, a route, the bytes.
 
 use super::TOOL;
-use super::args::{LayoutArgs, LinkArgs, RouteArgs};
+use super::args::{LayoutArgs, LinkArgs, RouteArgs, usual};
 use super::session::{Link, Setback, WritePlan, find_all, layouts, plan_image, told};
 use crate::link::{Datagrams, HostInstant};
 use crate::record::Pose;
@@ -213,11 +213,8 @@ pub(super) fn rehearse(
     options: &Options,
 ) -> anyhow::Result<Outcome> {
     let configuration = |error: LayoutError| Fault::Configuration(error.0);
-    let fields = plan
-        .layout
-        .fields
-        .as_ref()
-        .map_or(9, |fields| fields.0.len());
+    let fields = plan.layout.fields.as_ref();
+    let count = fields.map_or_else(|| usual().len(), |fields| fields.0.len());
     let single = plan.symbols.len() == 1 && plan.symbols.iter().all(|w| w.field.is_none());
     let layouts = layouts(plan).map_err(configuration)?;
     let found: Vec<Variable> = plan
@@ -227,9 +224,8 @@ pub(super) fn rehearse(
         .map(|(wanted, layout)| Variable {
             name: wanted.name.clone(),
             type_name: String::new(),
-            layout: layout.unwrap_or_else(|| {
-                Layout::of_scalars(Scalar::F64, if single { fields } else { 1 })
-            }),
+            layout: layout
+                .unwrap_or_else(|| Layout::of_scalars(Scalar::F64, if single { count } else { 1 })),
         })
         .collect();
     let mut image = plan_image(plan, &found).map_err(configuration)?;
@@ -250,7 +246,7 @@ pub(super) fn rehearse(
         };
         image.fill(&sample, &mut bytes);
         frame.clear();
-        Handles::rehearse(&image, &bytes, &mut frame, [AmsAddress::default(), target]);
+        Handles::rehearse(&image, &bytes, target, AmsAddress::default(), &mut frame);
         writeln!(
             out,
             "# pose {counter}, seq {}: {} bytes to {target}",

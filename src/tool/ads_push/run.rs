@@ -27,6 +27,8 @@ const STEADY: Duration = Duration::from_secs(5);
 /// A variable that is refused so soon after it was found and checked again is not refused because
 /// the program was changed.
 const IN_VAIN: Duration = Duration::from_secs(1);
+/// What follows from a write that failed over a good connection.
+const POSE_LOST: &str = "The pose may or may not have arrived; the next ones go on";
 /// The longest wait between two looks at whether to stop.
 const NAP: Duration = Duration::from_millis(50);
 
@@ -92,8 +94,10 @@ pub(super) struct Run {
     connected: bool,
     said: String,
     bytes: Vec<u8>,
-    /// A pose that is still to be written.
+    /// A pose that is still to be written,
     pending: Option<Pose>,
+    /// and when it is tried again, where it was refused.
+    retry_due: Instant,
     newest: Pose,
     counter: u64,
     fresh_at: Instant,
@@ -128,6 +132,7 @@ impl Run {
             said: String::new(),
             bytes: Vec::new(),
             pending: None,
+            retry_due: now,
             newest: Pose {
                 status: Status::NO_POSE,
                 ..Pose::default()
@@ -288,6 +293,10 @@ impl Run {
         let Some(pose) = self.pending.take() else {
             return Ok(());
         };
+        if self.session.is_some() && Instant::now() < self.retry_due {
+            self.pending = Some(pose);
+            return Ok(());
+        }
         if self.session.is_none() {
             if self.wishes.every || !self.connected {
                 self.pending = Some(pose);
@@ -304,10 +313,13 @@ impl Run {
                 self.settle(Some(HostInstant::now().utc));
             }
             Err(error) => {
-                // One that finds its handle stale gets another chance at once.
-                let again = self.wishes.every || error.code().is_some_and(Code::is_stale_handle);
-                self.see_to(&error)?;
-                if again && (self.wishes.every || self.session.is_some()) {
+                // One that finds its handle stale gets another chance at once; a controller that
+                // refuses for other reasons is not asked as fast as can be.
+                let stale = error.code().is_some_and(Code::is_stale_handle);
+                self.see_to(&error, POSE_LOST)?;
+                if self.wishes.every || (stale && self.session.is_some()) {
+                    let wait = if stale { Duration::ZERO } else { NAP };
+                    self.retry_due = Instant::now() + wait;
                     self.pending = Some(pose);
                 } else {
                     self.tally.failed += 1;
@@ -347,8 +359,8 @@ impl Run {
         Ok(())
     }
 
-    /// Does what an error asks for.
-    fn see_to(&mut self, error: &ClientError) -> anyhow::Result<()> {
+    /// Does what an error asks for; `otherwise` is what follows from one that asks for nothing.
+    fn see_to(&mut self, error: &ClientError, otherwise: &str) -> anyhow::Result<()> {
         if let Some(code) = error.code() {
             if code.is_stale_handle() || code == Code::SIZE {
                 let in_vain = |at: Instant| at.elapsed() < IN_VAIN;
@@ -372,9 +384,7 @@ impl Run {
             return self.set_back(Setback::Away(text));
         }
         if self.said != text {
-            self.say(format!(
-                "{text}. The pose may or may not have arrived; the next ones go on"
-            ));
+            self.say(format!("{text}. {otherwise}"));
             self.said = text;
         }
         Ok(())
@@ -427,7 +437,7 @@ impl Run {
             });
             let remark = trajectory.remark();
             if let Err(error) = read {
-                self.see_to(&error)?;
+                self.see_to(&error, "The next values are read all the same")?;
             }
             if let Some(remark) = remark {
                 self.say(remark.to_owned());
@@ -446,7 +456,7 @@ impl Run {
             Ok(Found::Nothing) => {}
             Ok(Found::NewProgram) => self.renew("the program in the controller has changed")?,
             Ok(Found::NewState(state)) => self.say(format!("the PLC is in {} now", state.name())),
-            Err(error) => self.see_to(&error)?,
+            Err(error) => self.see_to(&error, "The PLC's state is asked for again")?,
         }
         let stale = self.wishes.stale;
         if self.session.is_some()
@@ -458,7 +468,7 @@ impl Run {
             self.stale_at = Instant::now();
             let newest = self.newest.clone();
             if let Err(error) = self.write(&newest, bits::STALE) {
-                self.see_to(&error)?;
+                self.see_to(&error, POSE_LOST)?;
             }
         }
         Ok(())
@@ -470,11 +480,11 @@ impl Run {
         let pending = self.pending.is_some();
         match &mut self.session {
             Some(session) => {
-                limit = if pending {
-                    Duration::ZERO
-                } else {
-                    limit.min(session.idle())
-                };
+                if pending {
+                    let retry = self.retry_due.saturating_duration_since(Instant::now());
+                    limit = limit.min(retry);
+                }
+                limit = limit.min(session.idle());
                 if let Err(error) = session.client.wait(&self.waiter, limit) {
                     let text = told(&error, &self.wishes.link, Some(&session.client));
                     // A connection that was lost is always borne at first.

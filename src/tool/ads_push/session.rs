@@ -1,6 +1,7 @@
 //! A connection with everything found, checked and fetched that writing and reading need.
 
-use super::args::{Fields, LayoutArgs, usual, usual_read};
+use super::args::{Fields, LayoutArgs, ReadTime, usual, usual_read};
+use crate::link::HostInstant;
 use crate::stream::Fault;
 use crate::twincat::ams::{Request, Transmission, index};
 use crate::twincat::client::{InvokeId, PlcState};
@@ -36,6 +37,8 @@ pub(super) struct ReadPlan {
     pub symbol: String,
     pub fields: Option<Fields>,
     pub layout: Option<Layout>,
+    /// Where a point's stamp comes from.
+    pub time: ReadTime,
     /// How often it is sent, or asked for.
     pub period: Duration,
     pub polled: bool,
@@ -195,13 +198,15 @@ impl Session {
             && let Some(state) = self.client.answer(state)
         {
             self.watched = None;
-            let version = self.client.answer(version);
-            let state = state.ok().and_then(|payload| PlcState::parse(&payload));
-            let version = version.and_then(Result::ok);
+            // Not every server has a version.
+            let version = self.client.answer(version).and_then(Result::ok);
             let version = version.and_then(|payload| payload.get(4).copied());
             if version.is_some() && self.version.is_some() && version != self.version {
                 return Ok(Found::NewProgram);
             }
+            // A runtime that is away for a moment comes back without notifications and handles, even
+            // if the program and the connection to the router are the same.
+            let state = PlcState::parse(&state?);
             if let Some(state) = state.filter(|state| *state != self.state) {
                 self.state = state;
                 return Ok(Found::NewState(state));
@@ -246,7 +251,7 @@ impl Session {
     /// `take`: its bytes, the controller's time (100 ns since 1601) if it told it, and the host's.
     pub(super) fn read(
         &mut self,
-        mut take: impl FnMut(&Image, &[u8], Option<u64>, crate::link::HostInstant),
+        mut take: impl FnMut(&Image, &[u8], Option<u64>, HostInstant),
     ) -> Result<(), ClientError> {
         let Some(reading) = &mut self.read else {
             return Ok(());
@@ -263,7 +268,7 @@ impl Session {
             polled.open = None;
             let payload = answer?;
             let value = payload.get(4..).unwrap_or_default();
-            take(&reading.image, value, None, crate::link::HostInstant::now());
+            take(&reading.image, value, None, HostInstant::now());
         }
         let now = Instant::now();
         if now >= polled.due

@@ -5,7 +5,7 @@ use crate::clock::OneWayHull;
 use crate::link::HostInstant;
 use crate::record::{Stamp, TrajectoryPoint};
 use crate::stream::{Encoding, Fault, Options, Output};
-use crate::twincat::fields::filetime;
+use crate::twincat::fields::{Quantity, filetime};
 use crate::twincat::image::Image;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -26,7 +26,7 @@ pub(super) struct Trajectory {
     pub points: u64,
     /// Points that nobody took in time, and values with something in them that is no number.
     pub dropped: u64,
-    /// What the stamps are, for a remark.
+    /// Whether what is to be said of the stamps has been said.
     remarked: bool,
 }
 
@@ -58,7 +58,8 @@ impl Trajectory {
             most,
             points: 0,
             dropped: 0,
-            remarked: options_are_quiet(time),
+            // Only stamps of arrival are worth a remark.
+            remarked: time != ReadTime::Arrival,
         }
     }
 
@@ -95,10 +96,13 @@ impl Trajectory {
             return;
         }
         // What is not read is zero: a controller that has no attitude keeps the platform level.
-        let read: Vec<_> = image.fields().map(|field| field.quantity).collect();
+        let is_read = |component| {
+            let wanted = Quantity::Component(component);
+            image.fields().any(|field| field.quantity == wanted)
+        };
         let places = point.position_m.iter_mut().chain(&mut point.rotation_rad);
         for (component, place) in places.enumerate() {
-            if !read.contains(&crate::twincat::fields::Quantity::Component(component)) {
+            if !is_read(component) {
                 *place = 0.0;
             } else if !place.is_finite() {
                 self.dropped += 1;
@@ -148,10 +152,6 @@ impl Trajectory {
             |_| anyhow::Error::from(Fault::Io("the writer of the trajectory fell over".into()));
         writer.join().map_err(fell)?
     }
-}
-
-fn options_are_quiet(time: ReadTime) -> bool {
-    time != ReadTime::Arrival
 }
 
 fn write(

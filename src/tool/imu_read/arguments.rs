@@ -2,10 +2,11 @@
 
 use crate::frame::Frame;
 use crate::gx1::attitude::Sense;
-use crate::gx1::{Command, Gains};
+use crate::gx1::{Command, Gains, TickFactors};
 use crate::link::Endpoint;
 use crate::record::Axes;
 use crate::stream::Fault;
+use crate::tool::common::parse_duration;
 use std::path::PathBuf;
 
 /// What becomes of the unit's numbers.
@@ -232,6 +233,13 @@ pub fn parse_address(text: &str) -> Result<u8, String> {
         .ok_or_else(|| "an address from 0 to 15 is wanted".to_owned())
 }
 
+/// A tick that the unit can have, by its length.
+pub fn parse_tick(text: &str) -> Result<TickFactors, String> {
+    let ns = u64::try_from(parse_duration(text)?.as_nanos()).unwrap_or(u64::MAX);
+    TickFactors::of_tick_ns(ns)
+        .ok_or_else(|| "no unit has such a tick: 0.1 ms to 100 ms in steps of 0.1 us".to_owned())
+}
+
 /// One of the unit's speeds.
 pub fn parse_baud(text: &str) -> Result<u32, String> {
     text.parse()
@@ -290,7 +298,11 @@ mod tests {
                 for (quantity, has) in [Attitude, Accel, Gyro, Mag].iter().zip(has) {
                     assert!(has || !quantities.contains(quantity));
                 }
-                assert!(commands.iter().all(|c| c.is_stabilised() != instant));
+                assert!(
+                    commands
+                        .iter()
+                        .all(|c| c.title().starts_with("instant") == instant)
+                );
             }
         }
     }

@@ -2,14 +2,14 @@
 
 use super::NAME;
 use super::arguments::{CommandArgs, SampleArgs, parse_address, parse_baud, parse_port};
+use super::polling::Polling;
 use super::sink::Sink;
 use crate::gx1::framer::FramerCounts;
-use crate::gx1::session::{Identity, Patience};
+use crate::gx1::samples::SampleCounts;
+use crate::gx1::session::{Identity, Line, Tap};
 use crate::gx1::ticks::cycle_ticks;
 use crate::gx1::unit_file::{self, UnitFile};
-use crate::gx1::{
-    Command, Mode, Samples, Session, SessionError, Setup, command, samples, wire_time_s,
-};
+use crate::gx1::{Command, Mode, Samples, Session, SessionError, Setup, samples, wire_time_s};
 use crate::link::{
     Backoff, Endpoint, HostInstant, LinkError, RecordingError, Rotation, latency_timer,
 };
@@ -93,9 +93,6 @@ const SILENT_PERIODS: f64 = 20.0;
 /// For how long a unit is asked for on a port that is open, before the port is opened anew.
 const RETRY_WAIT: Duration = Duration::from_millis(300);
 
-/// For how long the answer to a poll is awaited before it is asked again.
-const POLL_WAIT: Duration = Duration::from_millis(500);
-
 /// Streams until the end.
 pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
     let device = args.device.clone();
@@ -133,13 +130,13 @@ pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
     };
     let mut session = match live.first_session() {
         Ok(session) => session,
-        Err(error) => return live.failed_start(error, 0),
+        Err(error) => return live.failed_start(error),
     };
     let (identity, setup) = match live.get_to_know(&mut session) {
         Ok(known) => known,
         Err(error) => {
             session.stop();
-            return live.failed_start(error, 0);
+            return live.failed_start(error);
         }
     };
     let frame = frame.as_ref().map(|(frame, _)| frame);
@@ -156,7 +153,7 @@ pub(super) fn run(args: LiveArgs) -> anyhow::Result<Outcome> {
         samples.begin();
     }
     let ended = live.stream(session, identity, &mut samples, &mut sink);
-    live.finish(ended, &mut samples, &mut sink)
+    live.finish(ended, samples, sink)
 }
 
 /// A stream and all that lives as long as it does.
@@ -175,16 +172,9 @@ struct Live {
     past: FramerCounts,
 }
 
-/// When the next thing is to be asked.
-struct Polling {
-    next: Instant,
-    /// When each of the polled commands was asked and not yet answered.
-    asked: Vec<(Command, Option<Instant>)>,
-}
-
 impl Live {
     /// Opens the port and finds the unit, waiting for both.
-    fn first_session(&mut self) -> Result<Session, SessionError> {
+    fn first_session(&self) -> Result<Session, SessionError> {
         let start = Instant::now();
         let wait = self.args.line.wait;
         let mut backoff = Backoff::new(Duration::from_millis(50), Duration::from_millis(500));
@@ -204,41 +194,34 @@ impl Live {
         }
     }
 
-    fn open(&mut self, baud: Option<u32>, wait: Duration) -> Result<Session, SessionError> {
+    fn open(&self, baud: Option<u32>, wait: Duration) -> Result<Session, SessionError> {
         let bauds: Vec<u32> = baud.into_iter().collect();
         let tee = Rc::clone(&self.tee);
         tee.borrow_mut().new_session();
         let tap = move |bytes: &[u8], at: HostInstant| tee.borrow_mut().chunk(bytes, at);
-        let ending = Rc::clone(&self.ending);
-        let patience = Patience {
-            wait,
-            interrupted: &|| ending.reached(),
+        let tap: Tap = Box::new(tap);
+        let line = Line {
+            port: &self.device,
+            bauds: &bauds,
+            bus_address: self.args.line.rs485_address,
         };
-        let (device, keep) = (&self.device, &self.commands);
-        let tap: Option<crate::gx1::session::Tap> = Some(Box::new(tap));
-        match self.args.line.rs485_address {
-            Some(address) => Session::open_on_bus(device, address, &bauds, keep, tap, &patience),
-            None => Session::open(device, &bauds, keep, tap, &patience),
-        }
+        let interrupted = || self.ending.reached();
+        Session::open(&line, &self.commands, Some(tap), wait, &interrupted)
     }
 
     /// Asks the unit who it is and what its numbers mean.
     fn get_to_know(&mut self, session: &mut Session) -> Result<(Identity, Setup), SessionError> {
-        let ending = Rc::clone(&self.ending);
-        let patience = Patience {
-            wait: Duration::ZERO,
-            interrupted: &|| ending.reached(),
-        };
-        let identity = session.identity(&patience)?;
+        let interrupted = || self.ending.reached();
+        let identity = session.identity(&interrupted)?;
         let gains = match self.args.samples.gains {
             Some(gains) => gains,
-            None => session.gains(&patience)?,
+            None => session.gains(&interrupted)?,
         };
         let setup = Setup {
             commands: self.commands.clone(),
             mode: self.mode,
             gains,
-            tick: session.tick(&patience)?,
+            tick: session.tick(&interrupted)?,
             baud: session.baud(),
             accel_sign: self.args.samples.accel_sign,
             quaternion: self.args.samples.quaternion.0,
@@ -254,7 +237,7 @@ impl Live {
             eprintln!(
                 "{NAME}: {place}: 3DM-GX1 number {}, firmware {}, {} Bd, tick {} ms, gains {} {} {}",
                 identity.serial,
-                command::firmware_version(identity.firmware),
+                super::firmware(identity),
                 setup.baud,
                 setup.tick.tick_s() * 1e3,
                 setup.gains.accel,
@@ -341,124 +324,61 @@ impl Live {
 
     /// Streams over one session until the end is reached; an error is the end of the session.
     fn session(
-        &mut self,
+        &self,
         session: &mut Session,
         samples: &mut Samples,
         sink: &mut Sink,
     ) -> anyhow::Result<()> {
-        let ending = Rc::clone(&self.ending);
-        let patience = Patience {
-            wait: Duration::ZERO,
-            interrupted: &|| ending.reached(),
-        };
+        let interrupted = || self.ending.reached();
         if self.mode == Mode::Continuous {
-            match session.start(samples.leading(), &patience) {
+            match session.start(samples.leading(), &interrupted) {
                 Err(SessionError::Interrupted) => return Ok(()),
                 other => other?,
             }
         }
         if let Some(span) = self.args.for_time {
-            ending.due_in(span);
+            self.ending.due_in(span);
         }
-        let beside = match self.mode {
-            Mode::Continuous => self.commands.get(1..).unwrap_or_default(),
-            Mode::Polled(_) => &self.commands[..],
-        };
-        let mut polling = Polling {
-            next: Instant::now(),
-            asked: beside.iter().map(|command| (*command, None)).collect(),
-        };
-        let mut last_sign = Instant::now();
+        let mut polling = Polling::new(self.mode, &self.commands);
+        // The last sign of life, and how many replies had repeated by then.
+        let (mut last_sign, mut repeated) = (Instant::now(), samples.counts().repeated);
         loop {
-            let (mut led, mut waiting) = (false, true);
-            let signs = samples.counts();
+            let mut led = false;
+            let before = samples.counts();
             while let Some(arrived) = session.next() {
-                waiting = false;
                 let command = arrived.packet.command();
                 led |= command == samples.leading();
-                for (asked, since) in &mut polling.asked {
-                    if *asked == command {
-                        *since = None;
-                    }
-                }
+                polling.answered(command);
                 samples.push(&arrived);
             }
-            let now = samples.counts();
             // A reply that repeats is no sign of life.
-            if now.replies - now.repeated > signs.replies - signs.repeated {
-                last_sign = Instant::now();
+            let alive = |counts: SampleCounts| counts.replies - counts.repeated;
+            let now = samples.counts();
+            if alive(now) > alive(before) {
+                (last_sign, repeated) = (Instant::now(), now.repeated);
             }
             let writing = Instant::now();
             sink.drain(samples)?;
-            if sink.done() || ending.reached() {
+            if sink.done() || self.ending.reached() {
                 return Ok(());
             }
             sink.flush()?;
             // A consumer that is slow is no silence of the unit.
             last_sign += writing.elapsed();
-            self.poll(session, &mut polling, led)?;
-            let silence = samples.period_s().map_or(SILENCE * 2, |period_s| {
-                SILENCE.max(Duration::from_secs_f64(
-                    (period_s * SILENT_PERIODS).min(60.0),
-                ))
-            });
-            if last_sign.elapsed() > silence {
-                let repeated = samples.counts().repeated;
+            polling.ask(session, led)?;
+            let longest = longest_silence(samples.period_s());
+            if last_sign.elapsed() > longest {
                 let place = session.place().to_owned();
-                let waited_s = silence.as_secs_f64();
-                let asked = if repeated > 0 && !waiting {
-                    "anything but the same reply again"
+                let waited_s = longest.as_secs_f64();
+                let error = if now.repeated > repeated {
+                    SessionError::Hangs { place, waited_s }
                 } else {
-                    "the stream"
+                    SessionError::Silent { place, waited_s }
                 };
-                return Err(SessionError::NoAnswer {
-                    place,
-                    asked: asked.to_owned(),
-                    waited_s,
-                    times: 1,
-                }
-                .into());
+                return Err(error.into());
             }
-            session.read(self.next_wait(&polling))?;
+            session.read(polling.wait(SLICE))?;
         }
-    }
-
-    /// For how long to wait for bytes.
-    fn next_wait(&self, polling: &Polling) -> Duration {
-        match self.mode {
-            Mode::Continuous => SLICE,
-            Mode::Polled(_) => polling
-                .next
-                .saturating_duration_since(Instant::now())
-                .clamp(Duration::from_micros(200), SLICE),
-        }
-    }
-
-    /// Asks for what is due: with each streamed reply, or by the clock.
-    fn poll(
-        &self,
-        session: &mut Session,
-        polling: &mut Polling,
-        led: bool,
-    ) -> Result<(), SessionError> {
-        let now = Instant::now();
-        if let Mode::Polled(hz) = self.mode {
-            if now < polling.next {
-                return Ok(());
-            }
-            let period = Duration::from_secs_f64(1.0 / hz);
-            polling.next = (polling.next + period).max(now);
-        } else if !led {
-            return Ok(());
-        }
-        for (command, since) in &mut polling.asked {
-            // What has not been answered yet is in the unit's queue.
-            if since.is_none_or(|since| now - since > POLL_WAIT) {
-                session.send(*command, &[])?;
-                *since = Some(now);
-            }
-        }
-        Ok(())
     }
 
     /// Looks for the unit until it is back; none where the end is reached before.
@@ -471,39 +391,36 @@ impl Live {
         self.outages += 1;
         self.remark(&format!("{cause}; looking for the unit until it is back"));
         while !self.ending.reached() {
-            match self.open(self.baud, RETRY_WAIT) {
-                Ok(mut session) => {
-                    let ending = Rc::clone(&self.ending);
-                    let patience = Patience {
-                        wait: Duration::ZERO,
-                        interrupted: &|| ending.reached(),
-                    };
-                    match session.identity(&patience) {
-                        Ok(now) if now.serial != identity.serial => {
-                            let text = format!(
-                                "{}: number {} answers in place of {}: another unit, whose gains \
-                                 are others; start anew with it",
-                                session.place(),
-                                now.serial,
-                                identity.serial
-                            );
-                            return Err(Fault::Unavailable(text).into());
-                        }
-                        Ok(_) => {
-                            let away_s = away.elapsed().as_secs_f64();
-                            let place = session.place();
-                            self.remark(&format!("{place}: back after {away_s:.2} s"));
-                            return Ok(Some(session));
-                        }
-                        Err(SessionError::Interrupted) => {
-                            session.stop();
-                            return Ok(None);
-                        }
-                        Err(_) => {}
-                    }
-                }
+            let mut session = match self.open(self.baud, RETRY_WAIT) {
+                Ok(session) => session,
                 Err(SessionError::Interrupted) => return Ok(None),
-                Err(_) => self.ending.sleep(SLICE * 2),
+                Err(_) => {
+                    self.ending.sleep(SLICE * 2);
+                    continue;
+                }
+            };
+            match session.identity(&|| self.ending.reached()) {
+                Ok(now) if now.serial != identity.serial => {
+                    let text = format!(
+                        "{}: number {} answers in place of {}: another unit, whose gains are \
+                         others; start anew with it",
+                        session.place(),
+                        now.serial,
+                        identity.serial
+                    );
+                    return Err(Fault::Unavailable(text).into());
+                }
+                Ok(_) => {
+                    let away_s = away.elapsed().as_secs_f64();
+                    let place = session.place();
+                    self.remark(&format!("{place}: back after {away_s:.2} s"));
+                    return Ok(Some(session));
+                }
+                Err(SessionError::Interrupted) => {
+                    session.stop();
+                    return Ok(None);
+                }
+                Err(_) => {}
             }
         }
         Ok(None)
@@ -525,14 +442,14 @@ impl Live {
     fn finish(
         &mut self,
         ended: anyhow::Result<()>,
-        samples: &mut Samples,
-        sink: &mut Sink,
+        mut samples: Samples,
+        mut sink: Sink,
     ) -> anyhow::Result<Outcome> {
         let recorded = self.tee.borrow_mut().finish(None);
         ended?;
         samples.finish();
-        sink.drain(samples)?;
-        sink.finish()?;
+        sink.drain(&mut samples)?;
+        let written = sink.finish()?;
         // A full disk of the recording does not cost the records.
         recorded.map_err(|error| Fault::Io(error.to_string()))?;
         let counts = samples.counts();
@@ -540,7 +457,7 @@ impl Live {
             eprintln!(
                 "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} implausible, {} \
                  bytes skipped, {} bad sums, {} reconnections",
-                sink.written(),
+                written,
                 counts.lost,
                 counts.repeated,
                 counts.implausible,
@@ -549,14 +466,12 @@ impl Live {
                 self.outages,
             );
         }
-        self.ending.check(sink.written())?;
+        self.ending.check(written)?;
         let lost = counts.lost + counts.implausible + counts.restarts + self.outages;
         if lost > 0 {
             self.remark(&format!(
                 "{} samples written, {} lost, {} outages",
-                sink.written(),
-                counts.lost,
-                self.outages
+                written, counts.lost, self.outages
             ));
             return Ok(Outcome::Degraded);
         }
@@ -564,9 +479,9 @@ impl Live {
     }
 
     /// The end of a start that failed: a signal, or no unit.
-    fn failed_start(&self, error: SessionError, written: u64) -> anyhow::Result<Outcome> {
+    fn failed_start(&self, error: SessionError) -> anyhow::Result<Outcome> {
         if matches!(error, SessionError::Interrupted) {
-            self.ending.check(written)?;
+            self.ending.check(0)?;
             return Ok(Outcome::Done);
         }
         let text = match &error {
@@ -586,6 +501,16 @@ impl Live {
             eprintln!("{NAME}: {text}");
         }
     }
+}
+
+/// For how long a unit with this usual time between its replies may be silent before it is taken to
+/// be away.
+fn longest_silence(period_s: Option<f64>) -> Duration {
+    period_s.map_or(2 * SILENCE, |period_s| {
+        SILENCE.max(Duration::from_secs_f64(
+            (period_s * SILENT_PERIODS).min(60.0),
+        ))
+    })
 }
 
 /// Whether an error may go away by itself: a port that is not there yet.

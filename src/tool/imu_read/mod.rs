@@ -3,10 +3,13 @@
 mod arguments;
 mod live;
 mod packets;
+mod polling;
 mod replay;
 mod sink;
 mod unit;
 
+use crate::gx1::command;
+use crate::gx1::session::Identity;
 use crate::stream::Outcome;
 use crate::tool::ports;
 
@@ -125,4 +128,11 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Question::Check(args)) => unit::check(args),
         Some(Question::List) => ports::list(NAME),
     }
+}
+
+/// The firmware's version in words.
+fn firmware(identity: Identity) -> String {
+    identity
+        .firmware
+        .map_or("not told on RS-485".to_owned(), command::firmware_version)
 }

@@ -1,7 +1,7 @@
 //! A recording on its way to the records of its capture.
 
 use super::NAME;
-use super::arguments::{CommandArgs, SampleArgs, parse_baud};
+use super::arguments::{CommandArgs, SampleArgs, parse_baud, parse_tick};
 use super::packets;
 use super::sink::Sink;
 use crate::gx1::framer::Framer;
@@ -11,11 +11,10 @@ use crate::gx1::{Arrived, Command, Gains, Mode, Samples, Setup};
 use crate::link::{Arrivals, HostInstant};
 use crate::record::Stamp;
 use crate::stream::{Bytes, Fault, Options, Outcome, Stop};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::common::CommonArgs;
 use crate::tool::recording::Times;
 use std::io::{BufWriter, Read, Write};
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// Arguments of the replay.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,8 +36,8 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "FILE")]
     pub unit: Option<PathBuf>,
     /// Length of the unit's tick, where no unit file says it
-    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
-    pub tick: Option<Duration>,
+    #[arg(long, value_name = "TIME", value_parser = parse_tick)]
+    pub tick: Option<TickFactors>,
     /// Speed of the line, Bd, where no unit file says it
     #[arg(long, value_name = "BD", value_parser = parse_baud)]
     pub baud: Option<u32>,
@@ -78,49 +77,33 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
     let frame = frame.as_ref().map(|(frame, _)| frame);
     let commands = setup.commands.clone();
     let mut sink = Sink::open(&options, &args.samples, frame, &commands, args.n_samples)?;
-    let mut framer = Framer::new(setup.baud);
-    framer.expect(&[
-        Command::SetContinuous,
-        Command::Firmware,
-        Command::SerialNumber,
-        Command::ReadEepromChecked,
-        Command::WriteEepromChecked,
-    ]);
-    commands
-        .iter()
-        .for_each(|command| framer.expect_also(*command));
+    let mut framer = Framer::of_session(setup.baud, &commands);
     let mut samples = Samples::new(setup);
     if unit.as_ref().is_none_or(|unit| unit.bus_address.is_some()) {
         // Without the capture's own questions in it, the stream is taken as it is.
         samples.begin();
     }
     let mut own_time = OwnTime::default();
-    read(
-        &args.files,
-        times,
-        &options,
-        &mut framer,
-        |framer, timed| {
-            while let Some(mut arrived) = framer.next() {
-                if !timed {
-                    own_time.stamp(&mut arrived, &samples);
-                }
-                samples.push(&arrived);
-                sink.drain(&mut samples)?;
+    read(&args, times, &options, &mut framer, |framer, timed| {
+        while let Some(mut arrived) = framer.next() {
+            if !timed {
+                own_time.stamp(&mut arrived, &samples);
             }
-            Ok(!sink.done() && !stop.requested())
-        },
-    )?;
+            samples.push(&arrived);
+            sink.drain(&mut samples)?;
+        }
+        Ok(!sink.done() && !stop.requested())
+    })?;
     samples.finish();
     sink.drain(&mut samples)?;
-    sink.finish()?;
+    let written = sink.finish()?;
     let counts = samples.counts();
     let framed = framer.counts();
     if options.verbose > 0 {
         eprintln!(
             "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} implausible, {} bytes \
              skipped, {} bad sums",
-            sink.written(),
+            written,
             counts.lost,
             counts.repeated,
             counts.implausible,
@@ -128,7 +111,7 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
             framed.bad_sums,
         );
     }
-    stop.check(sink.written())?;
+    stop.check(written)?;
     if counts.samples == 0 {
         let names: Vec<String> = commands
             .iter()
@@ -146,11 +129,7 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
     }
     if counts.lost + counts.implausible + counts.restarts > 0 {
         if !options.quiet {
-            eprintln!(
-                "{NAME}: {} samples written, {} lost",
-                sink.written(),
-                counts.lost
-            );
+            eprintln!("{NAME}: {} samples written, {} lost", written, counts.lost);
         }
         return Ok(Outcome::Degraded);
     }
@@ -180,16 +159,7 @@ fn setup(args: &ReplayArgs, unit: Option<&UnitFile>) -> anyhow::Result<Setup> {
         anyhow::Error::from(Fault::Usage(text))
     };
     let gains = args.samples.gains.or(unit.map(UnitFile::gains));
-    let tick = match (args.tick, unit) {
-        (Some(tick), _) => {
-            let ns = u64::try_from(tick.as_nanos()).unwrap_or(u64::MAX);
-            let factors = TickFactors::of_tick_ns(ns);
-            Some(factors.ok_or_else(|| {
-                Fault::Usage("--tick: no unit has such a tick (0.1 ms to 100 ms)".into())
-            })?)
-        }
-        (None, unit) => unit.map(|unit| TickFactors(unit.tick_factors)),
-    };
+    let tick = args.tick.or(unit.map(UnitFile::tick));
     let commands = match unit {
         Some(unit) if args.commands.is_default() => unit
             .measurements()
@@ -229,7 +199,7 @@ fn print_packets(
     let mut out = BufWriter::new(std::io::stdout().lock());
     writeln!(out, "{}", packets::HEADER)?;
     let mut written = 0;
-    read(&args.files, times, options, &mut framer, |framer, _| {
+    read(args, times, options, &mut framer, |framer, _| {
         while let Some(arrived) = framer.next() {
             packets::row(&mut out, &arrived, gains)?;
             written += 1;
@@ -250,7 +220,7 @@ fn print_packets(
 /// Reads the recordings piece by piece, each piece with its time, until `take` has had enough.
 /// `take` is told whether there are times.
 fn read(
-    files: &[PathBuf],
+    args: &ReplayArgs,
     times: Times,
     options: &Options,
     framer: &mut Framer,
@@ -258,7 +228,7 @@ fn read(
 ) -> anyhow::Result<()> {
     let mut before: Option<Arrivals> = None;
     let mut chunk = vec![0; CHUNK];
-    for file in files {
+    for file in &args.files {
         let arrivals = times.read(file)?;
         if let (Some(before), Some(now)) = (&before, &arrivals)
             && !now.continues(before)

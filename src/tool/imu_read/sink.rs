@@ -14,11 +14,9 @@ const GAP_SAID: u64 = 20;
 
 /// Writes samples.
 pub(super) struct Sink {
-    output: Option<Output>,
+    output: Output,
     window: WindowState,
-    axes: Axes,
-    mounting: ImuAxes,
-    sigmas: Sigmas,
+    dress: Dress,
     written: u64,
     limit: u64,
     done: bool,
@@ -26,11 +24,14 @@ pub(super) struct Sink {
     verbose: u8,
 }
 
-struct Sigmas {
-    tilt_rad: f64,
-    yaw_rad: f64,
-    gyro_rad_s: f64,
-    accel_m_s2: f64,
+/// The axes asked for, and the standard deviations.
+struct Dress {
+    axes: Axes,
+    mounting: ImuAxes,
+    tilt_sigma_rad: f64,
+    yaw_sigma_rad: f64,
+    gyro_sigma_rad_s: f64,
+    accel_sigma_m_s2: f64,
 }
 
 impl Sink {
@@ -45,70 +46,26 @@ impl Sink {
         let level = Imu {
             rotation_deg: [0.0; 3],
         };
-        let mut sink = Sink {
-            output: None,
-            window: WindowState::new(options.window),
+        let dress = Dress {
             axes: args.axes,
             mounting: ImuAxes::new(frame.map_or(&level, |frame| &frame.imu)),
-            sigmas: Sigmas {
-                tilt_rad: args.sigma_tilt_deg.to_radians(),
-                yaw_rad: args.sigma_yaw_deg.to_radians(),
-                gyro_rad_s: args.sigma_gyro_rad_s,
-                accel_m_s2: args.sigma_accel_m_s2,
-            },
+            tilt_sigma_rad: args.sigma_tilt_deg.to_radians(),
+            yaw_sigma_rad: args.sigma_yaw_deg.to_radians(),
+            gyro_sigma_rad_s: args.sigma_gyro_rad_s,
+            accel_sigma_m_s2: args.sigma_accel_m_s2,
+        };
+        let mut output = Output::open(options)?;
+        output.columns_like(&dress.put_on(&whole(commands)))?;
+        Ok(Sink {
+            output,
+            window: WindowState::new(options.window),
+            dress,
             written: 0,
             limit: limit.unwrap_or(u64::MAX),
             done: false,
             quiet: options.quiet,
             verbose: options.verbose,
-        };
-        let mut output = Output::open(options)?;
-        output.columns_like(&sink.like(commands))?;
-        sink.output = Some(output);
-        Ok(sink)
-    }
-
-    /// A sample with all that these commands can give, for the columns.
-    fn like(&self, commands: &[Command]) -> ImuSample {
-        let [attitude, accel, gyro, mag] = samples::quantities(commands);
-        let known = |is: bool| if is { 0.0 } else { f64::NAN };
-        let (attitude, accel, gyro, mag) = (known(attitude), known(accel), known(gyro), known(mag));
-        let like = ImuSample {
-            received: Some(Stamp::default()),
-            device: Some(Stamp::default()),
-            axes: Axes::Ned,
-            roll_rad: attitude,
-            pitch_rad: attitude,
-            yaw_rad: attitude,
-            gyro_x_rad_s: gyro,
-            gyro_y_rad_s: gyro,
-            gyro_z_rad_s: gyro,
-            accel_x_m_s2: accel,
-            accel_y_m_s2: accel,
-            accel_z_m_s2: accel,
-            mag_x_gauss: mag,
-            mag_y_gauss: mag,
-            mag_z_gauss: mag,
-            ..ImuSample::default()
-        };
-        self.dressed(&like)
-    }
-
-    /// A sample in the axes asked for, with its standard deviations.
-    fn dressed(&self, sample: &ImuSample) -> ImuSample {
-        let mut sample = self.mounting.turned(sample, self.axes);
-        if sample.roll_rad.is_finite() {
-            sample.roll_sigma_rad = self.sigmas.tilt_rad;
-            sample.pitch_sigma_rad = self.sigmas.tilt_rad;
-            sample.yaw_sigma_rad = self.sigmas.yaw_rad;
-        }
-        if sample.gyro_x_rad_s.is_finite() {
-            sample.gyro_sigma_rad_s = self.sigmas.gyro_rad_s;
-        }
-        if sample.accel_x_m_s2.is_finite() {
-            sample.accel_sigma_m_s2 = self.sigmas.accel_m_s2;
-        }
-        sample
+        })
     }
 
     /// Writes what is complete; whether anything was written.
@@ -120,17 +77,14 @@ impl Sink {
         while !self.done
             && let Some(sample) = samples.next_sample()
         {
-            match (self.window.place(sample.stamp), &self.output) {
-                (Place::Inside, Some(_)) => {
-                    let sample = self.dressed(&sample);
-                    if let Some(output) = &mut self.output {
-                        output.write(&sample)?;
-                    }
+            match self.window.place(sample.stamp) {
+                Place::Inside => {
+                    self.output.write(&self.dress.put_on(&sample))?;
                     self.written += 1;
                     self.done = self.written >= self.limit;
                 }
-                (Place::After, _) => self.done = true,
-                _ => {}
+                Place::After => self.done = true,
+                Place::Before => {}
             }
         }
         Ok(self.written > before)
@@ -156,24 +110,57 @@ impl Sink {
         self.done
     }
 
-    /// Samples written.
-    pub(super) fn written(&self) -> u64 {
-        self.written
-    }
-
     /// Lets everything go out; to be called before waiting.
     pub(super) fn flush(&mut self) -> anyhow::Result<()> {
-        match &mut self.output {
-            Some(output) => output.flush(),
-            None => Ok(()),
-        }
+        self.output.flush()
     }
 
-    /// Ends the output.
-    pub(super) fn finish(&mut self) -> anyhow::Result<()> {
-        match self.output.take() {
-            Some(output) => output.finish_kind::<ImuSample>(),
-            None => Ok(()),
+    /// Ends the output; how many samples were written.
+    pub(super) fn finish(self) -> anyhow::Result<u64> {
+        self.output.finish_kind::<ImuSample>()?;
+        Ok(self.written)
+    }
+}
+
+impl Dress {
+    /// A sample in the axes asked for, with its standard deviations.
+    fn put_on(&self, sample: &ImuSample) -> ImuSample {
+        let mut sample = self.mounting.turned(sample, self.axes);
+        if sample.roll_rad.is_finite() {
+            sample.roll_sigma_rad = self.tilt_sigma_rad;
+            sample.pitch_sigma_rad = self.tilt_sigma_rad;
+            sample.yaw_sigma_rad = self.yaw_sigma_rad;
         }
+        if sample.gyro_x_rad_s.is_finite() {
+            sample.gyro_sigma_rad_s = self.gyro_sigma_rad_s;
+        }
+        if sample.accel_x_m_s2.is_finite() {
+            sample.accel_sigma_m_s2 = self.accel_sigma_m_s2;
+        }
+        sample
+    }
+}
+
+/// A sample with all that these commands can give, for the columns.
+fn whole(commands: &[Command]) -> ImuSample {
+    let known = |is: bool| if is { 0.0 } else { f64::NAN };
+    let [attitude, accel, gyro, mag] = samples::quantities(commands).map(known);
+    ImuSample {
+        received: Some(Stamp::default()),
+        device: Some(Stamp::default()),
+        axes: Axes::Ned,
+        roll_rad: attitude,
+        pitch_rad: attitude,
+        yaw_rad: attitude,
+        gyro_x_rad_s: gyro,
+        gyro_y_rad_s: gyro,
+        gyro_z_rad_s: gyro,
+        accel_x_m_s2: accel,
+        accel_y_m_s2: accel,
+        accel_z_m_s2: accel,
+        mag_x_gauss: mag,
+        mag_y_gauss: mag,
+        mag_z_gauss: mag,
+        ..ImuSample::default()
     }
 }

@@ -1,14 +1,15 @@
 //! Questions to a unit: who it is, what its cells hold, its bias, tare and tick, its conventions.
 
 use super::NAME;
-use super::arguments::{parse_address, parse_baud, parse_port};
+use super::arguments::{parse_address, parse_baud, parse_port, parse_tick};
 use crate::gx1::attitude::Sense;
+use crate::gx1::command::firmware_version;
 use crate::gx1::conventions::Observation;
 use crate::gx1::eeprom::{self, Cell, Guard};
-use crate::gx1::session::{Identity, Patience};
+use crate::gx1::session::{Interrupted, Line, write_request};
 use crate::gx1::ticks::cycle_ticks;
 use crate::gx1::{
-    BAUD_RATES, Command, Gains, Session, SessionError, TickFactors, Word, command, scale,
+    BAUD_RATES, Command, Gains, Packet, Session, SessionError, TickFactors, Word, scale,
     wire_time_s,
 };
 use crate::link::{Endpoint, latency_timer};
@@ -123,8 +124,8 @@ pub struct RateArgs {
     #[command(flatten)]
     pub unit: UnitArgs,
     /// Set the tick to TIME (10ms, 2ms, 6.5536ms)
-    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
-    pub tick: Option<Duration>,
+    #[arg(long, value_name = "TIME", value_parser = parse_tick)]
+    pub tick: Option<TickFactors>,
     /// Whether to do it
     #[command(flatten)]
     pub change: ChangeArgs,
@@ -156,16 +157,12 @@ impl Asked {
     fn open(args: &UnitArgs) -> anyhow::Result<Asked> {
         let stop = Stop::install()?;
         let bauds: Vec<u32> = args.baud.into_iter().collect();
-        let session = {
-            let patience = Patience {
-                wait: args.wait,
-                interrupted: &|| stop.requested(),
-            };
-            match args.rs485_address {
-                Some(bus) => Session::open_on_bus(&args.device, bus, &bauds, &[], None, &patience),
-                None => Session::open(&args.device, &bauds, &[], None, &patience),
-            }
+        let line = Line {
+            port: &args.device,
+            bauds: &bauds,
+            bus_address: args.rs485_address,
         };
+        let session = Session::open(&line, &[], None, args.wait, &|| stop.requested());
         match session {
             Ok(session) => Ok(Asked { session, stop }),
             Err(error) => Err(fault(&error, &stop)),
@@ -175,21 +172,25 @@ impl Asked {
     /// Asks something of the session.
     fn ask<T>(
         &mut self,
-        question: impl FnOnce(&mut Session, &Patience<'_>) -> Result<T, SessionError>,
+        question: impl FnOnce(&mut Session, Interrupted<'_>) -> Result<T, SessionError>,
     ) -> anyhow::Result<T> {
         let stop = &self.stop;
-        let patience = Patience {
-            wait: Duration::ZERO,
-            interrupted: &|| stop.requested(),
-        };
-        let answer = question(&mut self.session, &patience);
+        let answer = question(&mut self.session, &|| stop.requested());
         // What nobody reads would be kept for ever.
         while self.session.next().is_some() {}
         answer.map_err(|error| fault(&error, stop))
     }
 
+    fn packet(&mut self, command: Command) -> anyhow::Result<Packet> {
+        self.ask(|session, interrupted| session.ask(command, &[], interrupted))
+    }
+
     fn cell(&mut self, address: u16) -> anyhow::Result<u16> {
-        self.ask(|session, patience| session.cell(address, patience))
+        self.ask(|session, interrupted| session.cell(address, interrupted))
+    }
+
+    fn write_cell(&mut self, address: u16, value: u16) -> anyhow::Result<()> {
+        self.ask(|session, interrupted| session.write_cell(address, value, interrupted))
     }
 }
 
@@ -206,15 +207,14 @@ fn fault(error: &SessionError, stop: &Stop) -> anyhow::Error {
 /// Says who the unit is.
 pub(super) fn info(args: InfoArgs) -> anyhow::Result<Outcome> {
     let mut asked = Asked::open(&args.unit)?;
-    let Identity { firmware, serial } = asked.ask(Session::identity)?;
+    let identity = asked.ask(Session::identity)?;
     let tick = asked.ask(Session::tick)?;
     let mut cells = Vec::new();
     for cell in eeprom::CELLS {
         cells.push((cell, asked.cell(cell.address)?));
     }
-    let temperature =
-        asked.ask(|session, patience| session.ask(Command::Temperature, &[], patience))?;
-    let deg_c = temperature
+    let deg_c = asked
+        .packet(Command::Temperature)?
         .word(Word::Temperature)
         .map(scale::temperature_deg_c);
     let timer = match &args.unit.device {
@@ -222,7 +222,6 @@ pub(super) fn info(args: InfoArgs) -> anyhow::Result<Outcome> {
         Endpoint::Tcp { .. } => None,
     };
     let mut out = io::stdout().lock();
-    let version = command::firmware_version(firmware);
     let baud = asked.session.baud();
     if args.json {
         let cells: serde_json::Map<String, serde_json::Value> = cells
@@ -232,8 +231,8 @@ pub(super) fn info(args: InfoArgs) -> anyhow::Result<Outcome> {
         let text = serde_json::json!({
             "port": asked.session.place(),
             "baud": baud,
-            "firmware": version,
-            "serial_number": serial,
+            "firmware": identity.firmware.map(firmware_version),
+            "serial_number": identity.serial,
             "tick_ms": tick.tick_s() * 1e3,
             "temperature_deg_c": deg_c,
             "adapter_latency_timer_ms": timer.map(|timer| timer.ms),
@@ -242,8 +241,9 @@ pub(super) fn info(args: InfoArgs) -> anyhow::Result<Outcome> {
         writeln!(out, "{text:#}")?;
         return Ok(Outcome::Done);
     }
-    writeln!(out, "3DM-GX1 number {serial} at {}", asked.session.place())?;
-    writeln!(out, "firmware     {version}")?;
+    let place = asked.session.place();
+    writeln!(out, "3DM-GX1 number {} at {place}", identity.serial)?;
+    writeln!(out, "firmware     {}", super::firmware(identity))?;
     writeln!(out, "speed        {baud} Bd")?;
     writeln!(out, "tick         {} ms", tick.tick_s() * 1e3)?;
     if let Some(deg_c) = deg_c {
@@ -321,7 +321,8 @@ fn set(
         Guard::Free => {}
     }
     if !change.yes {
-        return print_request(Command::WriteEepromChecked, &cell_bytes(address, value));
+        print_write(unit, address, value)?;
+        return Ok(nothing_sent());
     }
     let mut asked = Asked::open(unit)?;
     let before = asked.cell(address)?;
@@ -332,8 +333,7 @@ fn set(
 
 /// Writes a cell and reads it back, where need be at another speed.
 fn write_cell(mut asked: Asked, unit: &UnitArgs, address: u16, value: u16) -> anyhow::Result<()> {
-    let written = asked.ask(|session, patience| session.write_cell(address, value, patience));
-    let Err(error) = written else {
+    let Err(error) = asked.write_cell(address, value) else {
         return Ok(());
     };
     if address != eeprom::BAUD_CELL {
@@ -352,23 +352,35 @@ fn write_cell(mut asked: Asked, unit: &UnitArgs, address: u16, value: u16) -> an
     Err(error)
 }
 
-fn cell_bytes(address: u16, value: u16) -> Vec<u8> {
-    [address.to_be_bytes(), value.to_be_bytes()].concat()
+/// Prints how a cell would be written.
+fn print_write(unit: &UnitArgs, address: u16, value: u16) -> anyhow::Result<()> {
+    let request = write_request(address, value, unit.rs485_address.is_some());
+    let (command, free) = request.map_err(|error| Fault::Usage(error.to_string()))?;
+    print_request(unit, command, &free)
 }
 
 /// Prints what would be sent.
-fn print_request(command: Command, free: &[u8]) -> anyhow::Result<Outcome> {
-    let bytes = command.request(free).unwrap_or_default();
+fn print_request(unit: &UnitArgs, command: Command, free: &[u8]) -> anyhow::Result<()> {
+    let mut bytes = command.request(free).unwrap_or_default();
+    if let (Some(address), Some(first)) = (unit.rs485_address, bytes.first_mut()) {
+        let text = SessionError::NotOnBus(command).to_string();
+        *first = command.bus_byte(address).ok_or(Fault::Usage(text))?;
+    }
     let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     println!("{} would be sent as {}", command, bytes.join(" "));
+    Ok(())
+}
+
+fn nothing_sent() -> Outcome {
     eprintln!("{NAME}: nothing was sent: --yes does it");
-    Ok(Outcome::Done)
+    Outcome::Done
 }
 
 /// Captures the gyros' bias.
 pub(super) fn bias(args: BiasArgs) -> anyhow::Result<Outcome> {
     if !args.change.yes {
-        return print_request(Command::CaptureGyroBias, &[]);
+        print_request(&args.unit, Command::CaptureGyroBias, &[])?;
+        return Ok(nothing_sent());
     }
     let mut asked = Asked::open(&args.unit)?;
     let gains = asked.ask(Session::gains)?;
@@ -381,8 +393,8 @@ pub(super) fn bias(args: BiasArgs) -> anyhow::Result<Outcome> {
         return Err(Fault::Unavailable(text).into());
     }
     eprintln!("{NAME}: capturing the bias; keep the unit still");
-    asked.ask(|session, patience| {
-        session.ask_within(Command::CaptureGyroBias, &[], BIAS_WAIT, 1, patience)
+    asked.ask(|session, interrupted| {
+        session.ask_within(Command::CaptureGyroBias, &[], BIAS_WAIT, 1, interrupted)
     })?;
     let after = mean_rate(&mut asked, gains)?;
     for (name, rate) in [("before", before), ("after", after)] {
@@ -404,8 +416,7 @@ fn mean_rate(asked: &mut Asked, gains: Gains) -> anyhow::Result<Rate> {
     const ANSWERS: u32 = 20;
     let (mut sum, mut low, mut high) = ([0.0; 3], [f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for _ in 0..ANSWERS {
-        let packet = asked
-            .ask(|session, patience| session.ask(Command::StabilisedVectors, &[], patience))?;
+        let packet = asked.packet(Command::StabilisedVectors)?;
         let rate = gains.vector(&packet, Word::Rate).unwrap_or_default();
         for (((rate, sum), low), high) in rate.iter().zip(&mut sum).zip(&mut low).zip(&mut high) {
             *sum += rate;
@@ -428,42 +439,34 @@ pub(super) fn tare(args: TareArgs) -> anyhow::Result<Outcome> {
         Command::Tare
     };
     if !args.change.yes {
-        return print_request(command, &[]);
+        print_request(&args.unit, command, &[])?;
+        return Ok(nothing_sent());
     }
     let mut asked = Asked::open(&args.unit)?;
     if !args.remove {
         eprintln!("{NAME}: taring; keep the unit still for some seconds");
     }
-    asked.ask(|session, patience| session.ask_within(command, &[], TARE_WAIT, 1, patience))?;
+    asked
+        .ask(|session, interrupted| session.ask_within(command, &[], TARE_WAIT, 1, interrupted))?;
     println!("{}: confirmed", command.title());
     Ok(Outcome::Done)
 }
 
 /// Shows or sets the tick.
 pub(super) fn rate(args: RateArgs) -> anyhow::Result<Outcome> {
-    let wanted = match args.tick {
-        None => None,
-        Some(tick) => {
-            let ns = u64::try_from(tick.as_nanos()).unwrap_or(u64::MAX);
-            let factors = TickFactors::of_tick_ns(ns);
-            Some(factors.ok_or_else(|| {
-                Fault::Usage("--tick: from 0.1 ms to 100 ms, a multiple of 0.1 us".into())
-            })?)
-        }
-    };
-    if let (Some(wanted), false) = (wanted, args.change.yes) {
+    if let (Some(wanted), false) = (args.tick, args.change.yes) {
         for (address, value) in eeprom::TICK_CELLS.into_iter().zip(wanted.0) {
-            print_request(Command::WriteEepromChecked, &cell_bytes(address, value))?;
+            print_write(&args.unit, address, value)?;
         }
-        return Ok(Outcome::Done);
+        return Ok(nothing_sent());
     }
     let mut asked = Asked::open(&args.unit)?;
     let mut tick = asked.ask(Session::tick)?;
-    if let Some(wanted) = wanted {
+    if let Some(wanted) = args.tick {
         let cells = eeprom::TICK_CELLS.into_iter().zip(wanted.0).zip(tick.0);
         for ((address, value), before) in cells {
             if value != before {
-                asked.ask(|session, patience| session.write_cell(address, value, patience))?;
+                asked.write_cell(address, value)?;
                 println!("cell {address}: {before} -> {value}, read back");
             }
         }
@@ -471,6 +474,12 @@ pub(super) fn rate(args: RateArgs) -> anyhow::Result<Outcome> {
         eprintln!("{NAME}: the new tick may act only after the unit was switched off and on");
     }
     let stabilised = asked.cell(eeprom::STABILISATION_CELL)? != 0;
+    print_rates(tick, stabilised)?;
+    Ok(Outcome::Done)
+}
+
+/// Prints what rates follow from a tick.
+fn print_rates(tick: TickFactors, stabilised: bool) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(
         out,
@@ -490,16 +499,16 @@ pub(super) fn rate(args: RateArgs) -> anyhow::Result<Outcome> {
         Command::StabilisedVectors,
         Command::InstantVectors,
     ] {
-        let cycle = 1.0 / (f64::from(cycle_ticks(command, stabilised)) * tick.tick_s());
+        let cycle_hz = 1.0 / (f64::from(cycle_ticks(command, stabilised)) * tick.tick_s());
         let title: String = command.title().chars().take(34).collect();
-        write!(out, "0x{:02X} {title:<34} {cycle:>8.1}", command.byte())?;
+        write!(out, "0x{:02X} {title:<34} {cycle_hz:>8.1}", command.byte())?;
         for baud in BAUD_RATES {
-            let most = 1.0 / wire_time_s(command.reply_length(), baud);
-            write!(out, "{:>8.1}", most.min(cycle))?;
+            let line_hz = 1.0 / wire_time_s(command.reply_length(), baud);
+            write!(out, "{:>8.1}", line_hz.min(cycle_hz))?;
         }
         writeln!(out)?;
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Tells which conventions hold.
@@ -514,8 +523,7 @@ pub(super) fn check(args: CheckArgs) -> anyhow::Result<Outcome> {
             Command::StabilisedEuler,
             Command::InstantVectors,
         ] {
-            let packet = asked.ask(|session, patience| session.ask(command, &[], patience))?;
-            observation.add(&packet, gains);
+            observation.add(&asked.packet(command)?, gains);
         }
     }
     let Some(found) = observation.conventions() else {

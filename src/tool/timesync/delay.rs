@@ -1,9 +1,11 @@
 //! timesync delay: how late a measurement is.
 
 use super::TOOL;
-use crate::clock::delay::{self, DelayFit, DelaySettings, Measured, Part, correlation};
+use crate::clock::delay::{
+    self, DelayFit, DelaySettings, Dissertation, Measured, Part, correlation,
+};
 use crate::link::HostInstant;
-use crate::motion::{Motion, Sampled};
+use crate::motion::Sampled;
 use crate::record::{DelayPoint, Pose, Stamp, TrajectoryPoint};
 use crate::stream::{Encoding, Fault, Input, Options, Outcome, Output, Role, WholeFile};
 use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
@@ -90,20 +92,6 @@ struct Report {
     fit: Option<DelayFit>,
     #[serde(skip_serializing_if = "Option::is_none")]
     dissertation: Option<Dissertation>,
-}
-
-/// The steps of the dissertation's procedure.
-#[derive(Debug, Serialize)]
-struct Dissertation {
-    /// Median time from stamp to now, s; none where the poses are a recording.
-    total_delay_s: Option<f64>,
-    cross_correlation_s: f64,
-    adjustment_s: f64,
-    /// The adjustment with which the spike is smallest, s: what a patient hand would find.
-    best_adjustment_s: f64,
-    /// Error that one in a hundred exceeds, along the main axis, without compensation, with the total delay, with the
-    /// cross-correlation's and with the adjusted one, m.
-    spike_m: [f64; 4],
 }
 
 /// A stamp older than this when it is read comes from a recording, s.
@@ -219,59 +207,14 @@ fn find(
         How::Parabolic => correlation::parabolic(measured, motion, settings).map(plain),
         How::Derivative => correlation::derivative(measured, motion, settings).map(plain),
         How::Dissertation => {
-            let correlated_s = correlation::plain(measured, motion, settings)?;
             let adjustment_s = args.adjust.unwrap_or(0.0);
-            let spike_m = |delay_s: f64| spike_m(measured, motion, delay_s);
-            // By whole milliseconds, as one would by hand.
-            let most_ms = (settings.most_s * 1e3).min(10_000.0) as i64;
-            let tried = (-most_ms..=most_ms).map(|ms| ms as f64 * 1e-3);
-            let best_s = tried
-                .map(|delay_s| (delay_s, spike_m(delay_s)))
-                .filter(|(_, spike)| spike.is_finite())
-                .min_by(|a, b| a.1.total_cmp(&b.1))
-                .map_or(correlated_s, |(delay_s, _)| delay_s);
-            let delay_s = correlated_s + adjustment_s;
+            let steps = delay::dissertation(measured, motion, settings, total_s, adjustment_s)?;
             Ok(Report {
-                dissertation: Some(Dissertation {
-                    total_delay_s: total_s,
-                    cross_correlation_s: correlated_s,
-                    adjustment_s,
-                    best_adjustment_s: best_s - correlated_s,
-                    spike_m: [
-                        spike_m(0.0),
-                        total_s.map_or(f64::NAN, spike_m),
-                        spike_m(correlated_s),
-                        spike_m(delay_s),
-                    ],
-                }),
-                ..plain(delay_s)
+                dissertation: Some(steps),
+                ..plain(steps.delay_s())
             })
         }
     }
-}
-
-/// The error that only one in a hundred exceeds, along the axis along which the motion goes farthest:
-/// a spike, and not one wild pose.
-fn spike_m(measured: &[Measured], motion: &dyn Motion, delay_s: f64) -> f64 {
-    let at = |k: i32| {
-        motion
-            .at(motion.duration_s() * f64::from(k) / 200.0)
-            .position_m
-    };
-    let (mut low, mut high) = (at(0), at(0));
-    for k in 1..=200 {
-        (low, high) = (low.inf(&at(k)), high.sup(&at(k)));
-    }
-    let axis = (high - low).imax();
-    let mut errors: Vec<f64> = measured
-        .iter()
-        .filter(|m| (0.0..=motion.duration_s()).contains(&(m.t_s - delay_s)))
-        .map(|m| (m.position_m[axis] - motion.at(m.t_s - delay_s).position_m[axis]).abs())
-        .filter(|error| error.is_finite())
-        .collect();
-    errors.sort_by(f64::total_cmp);
-    let last = errors.len().saturating_sub(1 + errors.len() / 100);
-    errors.get(last).copied().unwrap_or(f64::NAN)
 }
 
 fn words(report: &Report) -> String {

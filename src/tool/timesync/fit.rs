@@ -3,7 +3,8 @@
 use super::text::{seconds, sigma};
 use super::{Estimator, TOOL};
 use crate::clock::{
-    ClockEvent, ClockFit, Exchange, FitError, FitSettings, Log, Session, Verdict, Wire, fit,
+    ClockEvent, ClockFit, Exchange, FitError, FitSettings, LEAST_EXCHANGES, Log, Session, Verdict,
+    Wire, fit,
 };
 use crate::record::ClockExchange;
 use crate::stream::{self, Fault, Outcome, WholeFile};
@@ -34,7 +35,7 @@ pub struct Args {
     common: CommonArgs,
 }
 
-/// How a fit is made; poll and set use the same.
+/// How a fit is made; watch uses the same.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Fit")]
 pub(super) struct FitArgs {
@@ -155,7 +156,7 @@ pub(super) fn fitted<'a>(
     if fits.is_empty() {
         let error = first_error.unwrap_or(FitError::TooFew {
             found: 0,
-            needed: 4,
+            needed: LEAST_EXCHANGES,
         });
         return Err(Fault::BadData(error.to_string()).into());
     }
@@ -163,21 +164,17 @@ pub(super) fn fitted<'a>(
 }
 
 fn json(log: &Log, fits: &[(ClockFit, &Session)]) -> anyhow::Result<String> {
-    let found = |(fit, session): &'_ (ClockFit, &Session)| (fit.clone(), session.utc_minus_host_ns);
-    let all: Vec<_> = fits.iter().map(found).collect();
-    let show = |k: usize| {
-        all.get(k).map(|(fit, utc_minus_host_ns)| Found {
-            fit,
-            utc_minus_host_ns: *utc_minus_host_ns,
-        })
-    };
-    let Some(longest) = show(0) else {
+    let mut found = fits.iter().map(|(fit, session)| Found {
+        fit,
+        utc_minus_host_ns: session.utc_minus_host_ns,
+    });
+    let Some(longest) = found.next() else {
         return Ok(String::new());
     };
     let report = Report {
         longest,
         events: &log.events,
-        sessions: (1..all.len()).filter_map(show).collect(),
+        sessions: found.collect(),
     };
     Ok(serde_json::to_string_pretty(&report)? + "\n")
 }

@@ -1,10 +1,11 @@
 //! A scanner that is asked for the time, again and again.
 
 use super::TOOL;
-use crate::clock::{ClockFit, Exchange, Tick, TickUnwrapper};
+use crate::clock::{Tick, TickUnwrapper};
 use crate::link::{Backoff, Endpoint};
 use crate::record::{ClockExchange, Stamp};
 use crate::sick::client::{Client, ClientError, Reply, Settings};
+use crate::sick::cola::Dialect;
 use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Fault, Stop};
 use crate::tool::common::parse_duration;
@@ -102,7 +103,6 @@ pub(super) struct Poller {
     /// The next answer is the first of a connection.
     connected: bool,
     telegram: LmdScandata,
-    request_bytes: u32,
     pub counts: Counts,
 }
 
@@ -136,7 +136,6 @@ impl Poller {
             last_raw_ns: None,
             connected: false,
             telegram: LmdScandata::default(),
-            request_bytes: 0,
             counts: Counts::default(),
         }
     }
@@ -230,7 +229,11 @@ impl Poller {
         }
         self.number += 1;
         // What was missed is not made up for.
-        self.due = (self.due + self.period).max(Instant::now() - self.period);
+        self.due += self.period;
+        let now = Instant::now();
+        if now.saturating_duration_since(self.due) > self.period {
+            self.due = now;
+        }
         true
     }
 
@@ -255,10 +258,9 @@ impl Poller {
         };
         // The frame around the body: 4 + 4 + 1 bytes in CoLa B, 2 in CoLa A.
         let frame = match reply.dialect {
-            crate::sick::cola::Dialect::Binary => 9,
-            crate::sick::cola::Dialect::Text => 2,
+            Dialect::Binary => 9,
+            Dialect::Text => 2,
         };
-        self.request_bytes = frame + "sRN LMDscandata".len() as u32;
         Ok(ClockExchange {
             host_send: reply.sent.utc,
             device,
@@ -266,7 +268,7 @@ impl Poller {
             host_last: Some(reply.received.utc),
             host_send_raw: Some(Stamp::from_ns(reply.sent.raw_ns)),
             host_receive_raw: Some(Stamp::from_ns(reply.first.raw_ns)),
-            request_bytes: Some(self.request_bytes),
+            request_bytes: Some(frame + "sRN LMDscandata".len() as u32),
             reply_bytes: Some(frame + u32::try_from(reply.body.len()).unwrap_or(u32::MAX - frame)),
         })
     }
@@ -281,21 +283,6 @@ impl Poller {
         };
         self.counts.restarts += u64::from(matches!(tick, Tick::Restart(_)));
         Stamp::from_ns(tick.us().saturating_mul(1000))
-    }
-}
-
-/// The host's monotonic clock that a fit is on, as UTC, ns.
-pub(super) fn at_utc_ns(fit: &ClockFit, utc_minus_host_ns: i64) -> i64 {
-    fit.line.at_host_ns.saturating_add(utc_minus_host_ns)
-}
-
-/// An exchange on the monotonic clock.
-pub(super) fn on_monotonic(record: &ClockExchange) -> Exchange {
-    let raw = |raw: Option<Stamp>, utc: Stamp| raw.unwrap_or(utc).ns();
-    Exchange {
-        send_ns: raw(record.host_send_raw, record.host_send),
-        device_ns: record.device.ns(),
-        receive_ns: raw(record.host_receive_raw, record.host_receive),
     }
 }
 

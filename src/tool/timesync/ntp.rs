@@ -58,6 +58,36 @@ struct State {
     delay_s: f32,
 }
 
+const OFF: u8 = 0;
+const CLIENT: u8 = 1;
+const SERVER: u8 = 2;
+
+impl State {
+    /// How it is not what the device was told, if it is not.
+    fn differs_from(&self, server: Option<Ipv4Addr>, off: bool) -> Option<String> {
+        let role = self.role();
+        match server {
+            Some(server) if self.role != CLIENT || self.server != server => Some(format!(
+                "the device was told to be the client of {server}; its role is {role}, its server {}",
+                self.server
+            )),
+            None if off && self.role != OFF => Some(format!(
+                "the device was told to take the time from nobody; its role is {role}"
+            )),
+            _ => None,
+        }
+    }
+
+    fn role(&self) -> &'static str {
+        match self.role {
+            OFF => "off",
+            CLIENT => "client",
+            SERVER => "server",
+            _ => "not documented",
+        }
+    }
+}
+
 pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let hash = args.login.hash()?;
     let stop = Stop::install()?;
@@ -77,15 +107,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         written.and(running)?;
     }
     let state = read_back(&mut client)?;
-    if let Some(server) = args
-        .server
-        .filter(|server| *server != state.server || state.role != 1)
-    {
-        let what = format!(
-            "the device was told to follow {server}, and follows {}",
-            state.server
-        );
-        return Err(Fault::Unavailable(what).into());
+    if let Some(otherwise) = state.differs_from(args.server, args.off) {
+        return Err(Fault::Unavailable(otherwise).into());
     }
     let text = match args.json {
         true => serde_json::to_string_pretty(&state)? + "\n",
@@ -96,23 +119,22 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 fn words(state: &State) -> String {
-    let role = match state.role {
-        0 => "off",
-        1 => "client",
-        2 => "server",
-        _ => "not documented",
-    };
     format!(
-        "role              {role}\nserver            {}\ninterval          {} s\n\
+        "role              {}\nserver            {}\ninterval          {} s\n\
          time zone         {:+} h\nlargest offset    {:.6} s\ndelay             {:.6} s\n",
-        state.server, state.interval_s, state.timezone_h, state.max_offset_s, state.delay_s
+        state.role(),
+        state.server,
+        state.interval_s,
+        state.timezone_h,
+        state.max_offset_s,
+        state.delay_s
     )
 }
 
 fn writes(args: &Args) -> Vec<Request> {
     let mut writes = Vec::new();
     if args.off {
-        writes.push(Request::write("TSCRole", vec![Value::U8(0)]));
+        writes.push(Request::write("TSCRole", vec![Value::U8(OFF)]));
     }
     if let Some(server) = args.server {
         let address = server.octets().map(Value::Byte).to_vec();
@@ -124,7 +146,7 @@ fn writes(args: &Args) -> Vec<Request> {
             Request::write("TSCTCSrvAddr", address),
             Request::write("TSCTCtimezone", vec![Value::Byte(zone)]),
             Request::write("TSCTCupdatetime", vec![Value::I32(interval)]),
-            Request::write("TSCRole", vec![Value::U8(1)]),
+            Request::write("TSCRole", vec![Value::U8(CLIENT)]),
         ]);
     }
     if args.reset_max_offset {
@@ -172,5 +194,44 @@ fn parse_interval(text: &str) -> Result<u32, String> {
     match u32::try_from(interval.as_secs()) {
         Ok(seconds) if whole => Ok(seconds),
         _ => Err("whole seconds from 1s to 1h are wanted".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_does_otherwise_is_told_by_what_it_does() {
+        let server = Ipv4Addr::new(192, 0, 2, 1);
+        let state = |role, server| State {
+            role,
+            interface: 0,
+            server,
+            timezone_h: 0,
+            interval_s: 10,
+            max_offset_s: 0.0,
+            delay_s: 0.0,
+        };
+        let other = Ipv4Addr::new(192, 0, 2, 2);
+        assert_eq!(
+            state(CLIENT, server).differs_from(Some(server), false),
+            None
+        );
+        assert_eq!(state(OFF, server).differs_from(None, true), None);
+        assert_eq!(state(SERVER, other).differs_from(None, false), None);
+        for (found, wanted, off, text) in [
+            (state(OFF, server), Some(server), false, "role is off"),
+            (
+                state(CLIENT, other),
+                Some(server),
+                false,
+                "server 192.0.2.2",
+            ),
+            (state(CLIENT, server), None, true, "role is client"),
+        ] {
+            let told = found.differs_from(wanted, off).unwrap();
+            assert!(told.contains(text), "{told}");
+        }
     }
 }

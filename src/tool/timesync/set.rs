@@ -1,7 +1,7 @@
 //! timesync set: a scanner's calendar clock is set to the host's.
 
 use super::TOOL;
-use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, at_utc_ns, fault};
+use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, fault};
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::link::HostInstant;
 use crate::record::Stamp;
@@ -93,11 +93,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     // Whatever happened, the device is left as it was, and measuring.
     client.set_interrupted(None);
     let restored = restore(args, &mut client, &contents, hash);
-    let Some(report) = done? else {
+    let done = done?;
+    restored.map_err(fault)?;
+    let Some(report) = done else {
         stop.check(0)?;
         return Ok(Outcome::Done);
     };
-    restored.map_err(fault)?;
     let text = match args.json {
         true => serde_json::to_string_pretty(&report)? + "\n",
         false => words(&report),
@@ -298,7 +299,10 @@ fn look(args: &Args, client: &mut Client, stop: &Stop) -> anyhow::Result<Option<
             .line
             .offset_ns
             .saturating_sub(session.utc_minus_host_ns),
-        at_utc_ns: at_utc_ns(&found, session.utc_minus_host_ns),
+        at_utc_ns: found
+            .line
+            .at_host_ns
+            .saturating_add(session.utc_minus_host_ns),
         fit: found,
     }))
 }

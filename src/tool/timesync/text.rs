@@ -1,4 +1,4 @@
-//! Results as text and JSON, to stdout or a file.
+//! Numbers as people read them.
 
 /// Nanoseconds as seconds with all their digits: `-12.000000345`.
 pub(super) fn seconds(ns: i64) -> String {

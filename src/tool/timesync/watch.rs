@@ -73,6 +73,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let until = args.duration.map(|duration| start + duration);
     let mut next = start + args.every;
+    let span_ns = i64::try_from(args.window.as_nanos()).unwrap_or(i64::MAX);
     let mut window: VecDeque<ClockExchange> = VecDeque::new();
     let mut lines = 0;
     while let Some(exchange) = poller.next(&mut client, &stop, until)? {
@@ -80,16 +81,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
             records.write(&exchange)?;
         }
         window.push_back(exchange);
-        let now_ns = live::on_monotonic(&exchange).receive_ns;
-        let span_ns = i64::try_from(args.window.as_nanos()).unwrap_or(i64::MAX);
-        while window
-            .front()
-            .is_some_and(|first| now_ns - live::on_monotonic(first).send_ns > span_ns)
-        {
+        // On the monotonic clock: a step of the calendar does not empty the window.
+        let sent = |exchange: &ClockExchange| exchange.host_send_raw.unwrap_or(exchange.host_send);
+        let old = |first: &ClockExchange| sent(&exchange) - sent(first) > span_ns;
+        while window.front().is_some_and(old) {
             window.pop_front();
         }
-        if Instant::now() >= next {
-            next += args.every;
+        let now = Instant::now();
+        if now >= next {
+            // Lines that an outage has cost are not made up for.
+            next = (next + args.every).max(now);
             let log = Log::of(window.make_contiguous(), args.how.wire());
             args.how.fits(&log)?;
             if let Some(line) = line(&log, &settings, poller.counts.lost) {

@@ -133,15 +133,24 @@ impl Default for Plc {
     }
 }
 
-/// Lower bound and length of `ARRAY [a..b] OF ..`.
-fn dimensions(type_name: &str) -> Vec<(i32, u32)> {
-    let bounds = || {
-        let (bounds, _) = type_name.strip_prefix("ARRAY [")?.split_once(']')?;
-        let (low, high) = bounds.split_once("..")?;
-        let (low, high): (i32, i32) = (low.parse().ok()?, high.parse().ok()?);
-        Some((low, u32::try_from(high.checked_sub(low)?).ok()? + 1))
-    };
-    bounds().into_iter().collect()
+/// `ARRAY [a..b] OF` a scalar.
+struct Array {
+    lower: i32,
+    count: u32,
+    element: Scalar,
+}
+
+impl Array {
+    fn parse(type_name: &str) -> Option<Array> {
+        let (bounds, element) = type_name.strip_prefix("ARRAY [")?.split_once("] OF ")?;
+        let (lower, upper) = bounds.split_once("..")?;
+        let (lower, upper): (i32, i32) = (lower.parse().ok()?, upper.parse().ok()?);
+        Some(Array {
+            lower,
+            count: u32::try_from(upper.checked_sub(lower)?).ok()? + 1,
+            element: element.parse().ok()?,
+        })
+    }
 }
 
 /// Index group of the variables.
@@ -201,7 +210,10 @@ impl Plc {
                 size,
                 offset: whole.size,
                 base,
-                dimensions: dimensions(type_name),
+                dimensions: Array::parse(type_name)
+                    .map(|array| (array.lower, array.count))
+                    .into_iter()
+                    .collect(),
                 ..DataType::default()
             });
             whole.size += size;
@@ -218,15 +230,16 @@ impl Plc {
         if let Some(found) = self.types.iter().find(|known| known.name == type_name) {
             return Some((found.base, found.size));
         }
-        let inside = type_name.strip_prefix("ARRAY [")?;
-        let (bounds, element) = inside.split_once("] OF ")?;
-        let (low, high) = bounds.split_once("..")?;
-        let count = high.parse::<i64>().ok()? - low.parse::<i64>().ok()? + 1;
-        let scalar: Scalar = element.parse().ok()?;
-        let size = u32::try_from(count)
-            .ok()?
-            .checked_mul(scalar.size() as u32)?;
-        Some((scalar.base(), size))
+        let array = Array::parse(type_name)?;
+        let size = array.count.checked_mul(array.element.size() as u32)?;
+        Some((array.element.base(), size))
+    }
+
+    /// The runtime stops and starts with the same program: handles and notifications are gone, the
+    /// symbol version is the same.
+    pub fn restart(&mut self) {
+        self.handles.clear();
+        self.subscriptions.clear();
     }
 
     /// Loads a changed program: `change` may rename, remove and declare variables; every handle is
@@ -234,8 +247,7 @@ impl Plc {
     pub fn download(&mut self, change: impl FnOnce(&mut Plc)) {
         change(self);
         self.version = self.version.wrapping_add(1);
-        self.handles.clear();
-        self.subscriptions.clear();
+        self.restart();
     }
 
     /// Renames a variable; for [`Plc::download`].

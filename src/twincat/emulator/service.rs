@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A PLC with several owners.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +22,20 @@ impl SharedPlc {
     /// The PLC, for as long as the guard lives; nobody is answered meanwhile.
     pub fn lock(&self) -> MutexGuard<'_, Plc> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until `done` says so of the PLC, at most `limit`; whether it did.
+    pub fn wait_until(&self, limit: Duration, mut done: impl FnMut(&Plc) -> bool) -> bool {
+        let due = Instant::now() + limit;
+        loop {
+            if done(&self.lock()) {
+                return true;
+            }
+            if Instant::now() >= due {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 }
 
@@ -97,24 +111,6 @@ impl Service {
     pub fn target(&self, plc: &SharedPlc) -> String {
         let plc = plc.lock();
         format!("{}/{}:{}", self.address, plc.net_id, plc.port)
-    }
-
-    /// Waits until `done` says so of the PLC, at most `limit`; whether it did.
-    pub fn wait_until(
-        plc: &SharedPlc,
-        limit: Duration,
-        mut done: impl FnMut(&Plc) -> bool,
-    ) -> bool {
-        let due = std::time::Instant::now() + limit;
-        loop {
-            if done(&plc.lock()) {
-                return true;
-            }
-            if std::time::Instant::now() >= due {
-                return false;
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
     }
 }
 
