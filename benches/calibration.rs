@@ -14,9 +14,9 @@ use cablepose::lines::reflectors::{self, ReflectorFit};
 use cablepose::pose::calibration::{Calibration, Calibrator, Settings};
 use cablepose::pose::joint::{self, Estimator};
 use cablepose::pose::pitch::{Attitude, Pitch};
-use cablepose::record::{Axes, Face, ReflectorLines, Stamp};
+use cablepose::record::{Face, ReflectorLines};
 use cablepose::simulate::random::Purpose;
-use cablepose::simulate::{Course, Parameters, Scatter, Seed, Setup, Simulator, Step, scanner};
+use cablepose::simulate::{Course, Scatter, Seed, Setup, Simulator, Step};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -302,28 +302,12 @@ fn scans(case: &Case, frame: &Frame, count: u64, seed: u64) -> Vec<Step> {
         position_m: [[-case.x_m, case.x_m], [-4.0, 4.0], [0.5, 4.0]],
         rotation_rad: [[-tilt, tilt]; 3],
     };
-    let model = scanner::model(frame, None).expect("a model");
-    let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode: model.modes[0],
-        course: Course::Stations {
-            poses: scatter.poses(Seed(seed), count).into(),
-            scans_each: 1,
-        },
+    let setup = Setup {
         effects: case.effects.parse().expect("effects"),
-        parameters: Parameters::default(),
         seed: Seed(seed),
-        start: Stamp::from_ns(0),
-        scans: Some(count),
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
-    });
-    let mut steps = Vec::new();
-    while let Some(step) = simulator.advance() {
-        steps.push(step.clone());
-    }
-    steps
+        ..Setup::new(frame.clone(), Course::scattered(scatter, Seed(seed), count))
+    };
+    Simulator::new(setup).all()
 }
 
 fn lines_of(frame: &Frame, steps: &[Step]) -> Vec<ReflectorLines> {

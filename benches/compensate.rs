@@ -20,10 +20,7 @@ use cablepose::record::{
     Axes, ImuSample, Pose, ReflectorLines, Stamp, Status, TrajectoryPoint, upper_index,
 };
 use cablepose::simulate::random::Purpose;
-use cablepose::simulate::{
-    Course, Effect, Effects, Parameters, Seed, Setup, SharedMotion, Simulator, scanner,
-};
-use nalgebra::Vector3;
+use cablepose::simulate::{Course, Effect, Effects, Seed, Setup, SharedMotion, Simulator};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -53,11 +50,7 @@ enum Source {
 }
 
 fn shuttle(profile: &str) -> SharedMotion {
-    let place = |y: f64, z: f64| Place {
-        position_m: Vector3::new(0.0, y, z),
-        rotation_rad: Vector3::zeros(),
-    };
-    let (from, to) = (place(-4.0, 0.465), place(4.0, 3.5));
+    let (from, to) = (Place::level(0.0, -4.0, 0.465), Place::level(0.0, 4.0, 3.5));
     let limits = Limits {
         speed_m_s: 3.13,
         acceleration_m_s2: 5.0,
@@ -97,30 +90,24 @@ fn point(motion: &dyn Motion, stamp: Stamp) -> TrajectoryPoint {
 fn run(profile: &str, source: Source, seed: u64) -> Run {
     let text = include_str!("../testdata/cablar.toml");
     let frame = Frame::parse(text, Path::new("cablar.toml")).expect("a good frame file");
-    let model = scanner::model(&frame, None).expect("a known scanner");
-    let mode = scanner::mode(model, None, None).expect("its first mode");
     let mut effects = Effects::reference();
     effects.insert(Effect::Imu);
     if source == Source::MovingScans {
         effects.insert(Effect::Motion);
     }
     let truth = shuttle(profile);
+    let course = Course::Moving {
+        truth: shuttle(profile),
+        desired: shuttle(profile),
+        lag_s: 0.0,
+    };
     let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode,
-        course: Course::Moving {
-            truth: shuttle(profile),
-            desired: shuttle(profile),
-            lag_s: 0.0,
-        },
         effects,
-        parameters: Parameters::default(),
         seed: Seed(seed),
         start: START,
-        scans: None,
         imu_rate_hz: Some(100.0),
         imu_axes: Axes::Ned,
+        ..Setup::new(frame.clone(), course)
     });
     let mut fit = ReflectorFit::new(&frame, reflectors::Options::default());
     let mut edges = EdgeMeter::new(&frame);
@@ -138,11 +125,7 @@ fn run(profile: &str, source: Source, seed: u64) -> Run {
             fit.record(&found, &mut lines);
             edges.measure(&step.scan, &mut lines);
         }
-        let pitch = Pitch {
-            rad: step.truth.rotation_rad[1],
-            sigma_rad: 1e-4,
-            stale: false,
-        };
+        let pitch = Pitch::within(step.truth.rotation_rad[1], 1e-4);
         poses.push(joint.solve(&lines, Some(pitch), &[]));
     }
     // The controller's trajectory every 10 ms, to a second beyond the last pose.

@@ -3,21 +3,19 @@
 //! edges` prints figures and passes no judgement.
 
 use cablepose::edges::EdgeMeter;
-use cablepose::frame::{Frame, ScannerModel};
+use cablepose::frame::Frame;
 use cablepose::lines::reflectors::{Options, ReflectorFit};
-use cablepose::record::{Axes, ReflectorLines, Scan, Stamp};
-use cablepose::simulate::{Course, Parameters, Scatter, Seed, Setup, Simulator};
+use cablepose::record::{ReflectorLines, Scan};
+use cablepose::simulate::{Course, Scatter, Seed, Setup, Simulator};
 use std::hint::black_box;
 use std::path::Path;
 
 const SCANS: u64 = 400;
 const ROUNDS: usize = 10;
 
-fn main() {
+fn main() -> anyhow::Result<()> {
     let text = include_str!("../testdata/cablar.toml");
-    let Ok(frame) = Frame::parse(text, Path::new("cablar.toml")) else {
-        return;
-    };
+    let frame = Frame::parse(text, Path::new("cablar.toml"))?;
     for (name, effects, track, edges) in [
         ("reflectors", "reference,mixed,-remission", true, false),
         ("+ intervals", "reference,mixed,-remission", true, true),
@@ -30,7 +28,7 @@ fn main() {
             true,
         ),
     ] {
-        let scans = scans(&frame, effects, track);
+        let scans = scans(&frame, effects, track)?;
         let options = Options {
             track,
             ..Options::default()
@@ -68,6 +66,7 @@ fn main() {
             found as f64 / scans.len() as f64
         );
     }
+    Ok(())
 }
 
 /// Processor time of this thread, s.
@@ -77,38 +76,21 @@ fn processor_s() -> f64 {
 }
 
 /// Scans of a platform that creeps (tracked) or is anywhere (cold).
-fn scans(frame: &Frame, effects: &str, track: bool) -> Vec<Scan> {
-    let tilt = 1f64.to_radians();
-    let scatter = Scatter {
-        position_m: [[-0.05, 0.05], [-4.0, 4.0], [0.5, 3.5]],
-        rotation_rad: [[-tilt, tilt]; 3],
-    };
+fn scans(frame: &Frame, effects: &str, track: bool) -> anyhow::Result<Vec<Scan>> {
     let (stations, scans_each) = if track { (SCANS / 40, 40) } else { (SCANS, 1) };
-    let Some(model) = ScannerModel::by_name("lms511-hr") else {
-        return Vec::new();
-    };
-    let Ok(effects) = effects.parse() else {
-        return Vec::new();
+    let poses = Scatter::workspace([0.5, 3.5]).poses(Seed(7), stations);
+    let course = Course::Stations {
+        poses: poses.into(),
+        scans_each,
     };
     let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode: model.modes[0],
-        course: Course::Stations {
-            poses: scatter.poses(Seed(7), stations).into(),
-            scans_each,
-        },
-        effects,
-        parameters: Parameters::default(),
+        effects: effects.parse()?,
         seed: Seed(7),
-        start: Stamp::from_ns(0),
-        scans: Some(SCANS),
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
+        ..Setup::new(frame.clone(), course)
     });
     let mut scans = Vec::new();
     while let Some(step) = simulator.advance() {
         scans.push(step.scan.clone());
     }
-    scans
+    Ok(scans)
 }

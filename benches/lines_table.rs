@@ -17,8 +17,7 @@ use cablepose::motion::{Limits, Pose, SCurve, Shuttle};
 use cablepose::record::{NormalLine, ReflectorLines, Scan, Segment, Stamp};
 use cablepose::report::lines::{Matching, score};
 use cablepose::simulate::office::{Errors, Office, Setup as OfficeSetup, View};
-use cablepose::simulate::{Course, Effects, Parameters, Seed, Setup, Simulator, scanner};
-use nalgebra::Vector3;
+use cablepose::simulate::{Course, Effects, Seed, Setup, Simulator};
 use rustix::time::{ClockId, clock_gettime};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hint::black_box;
@@ -165,7 +164,7 @@ fn office() -> (Vec<Scan>, Vec<Segment>) {
 /// The modified transform against the whole one, on the scans of a platform that moves at 3 m/s.
 fn transforms() -> anyhow::Result<()> {
     let frame = Frame::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cablar.toml"))?;
-    let scans = moving_scans(&frame)?;
+    let scans = moving_scans(&frame);
     let points: Vec<[Vec<f32>; 2]> = scans.iter().map(cartesian).collect();
     let options = StrategyOptions {
         estimator: Estimator::MaximumLikelihood,
@@ -303,12 +302,8 @@ fn cartesian(scan: &Scan) -> [Vec<f32>; 2] {
     [of(f64::cos), of(f64::sin)]
 }
 
-fn moving_scans(frame: &Frame) -> anyhow::Result<Vec<Scan>> {
-    let pose = |y: f64, z: f64| Pose {
-        position_m: Vector3::new(0.0, y, z),
-        rotation_rad: Vector3::zeros(),
-    };
-    let (from, to) = (pose(-3.5, 0.6), pose(3.5, 3.5));
+fn moving_scans(frame: &Frame) -> Vec<Scan> {
+    let (from, to) = (Pose::level(0.0, -3.5, 0.6), Pose::level(0.0, 3.5, 3.5));
     let limits = Limits {
         speed_m_s: 3.0,
         acceleration_m_s2: 5.0,
@@ -321,29 +316,16 @@ fn moving_scans(frame: &Frame) -> anyhow::Result<Vec<Scan>> {
         dwell_s: 0.2,
         loops: 2,
     };
-    let model = scanner::model(frame, None)?;
     let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode: scanner::mode(model, None, None)?,
-        course: Course::Moving {
-            truth: Box::new(motion),
-            desired: Box::new(motion),
-            lag_s: 0.0,
-        },
         effects: Effects::reference(),
-        parameters: Parameters::default(),
         seed: Seed(7),
-        start: Stamp::from_ns(0),
-        scans: None,
-        imu_rate_hz: None,
-        imu_axes: cablepose::record::Axes::Platform,
+        ..Setup::new(frame.clone(), Course::along(motion))
     });
     let mut scans = Vec::new();
     while let Some(step) = simulator.advance() {
         scans.push(step.scan.clone());
     }
-    Ok(scans)
+    scans
 }
 
 /// The best time of some passes, s: of this thread's own, so that what else runs on the machine counts

@@ -7,10 +7,9 @@
 
 use cablepose::frame::Frame;
 use cablepose::motion::{Limits, Pose, SCurve, Shuttle};
-use cablepose::record::{Axes, Stamp};
-use cablepose::simulate::{Course, Parameters, Seed, Setup, Simulator};
+use cablepose::record::Stamp;
+use cablepose::simulate::{Course, Setup, Simulator};
 use cablepose::stream::{Encoding, Options, Output, Role};
-use nalgebra::Vector3;
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 use std::path::Path;
@@ -34,11 +33,7 @@ fn simulator(effects: &str) -> anyhow::Result<Simulator> {
         include_str!("../testdata/cablar.toml"),
         Path::new("testdata/cablar.toml"),
     )?;
-    let place = |y: f64, z: f64| Pose {
-        position_m: Vector3::new(0.0, y, z),
-        rotation_rad: Vector3::zeros(),
-    };
-    let (from, to) = (place(-4.0, 0.465), place(4.0, 3.5));
+    let (from, to) = (Pose::level(0.0, -4.0, 0.465), Pose::level(0.0, 4.0, 3.5));
     let limits = Limits {
         speed_m_s: 1.0,
         acceleration_m_s2: 5.0,
@@ -51,23 +46,11 @@ fn simulator(effects: &str) -> anyhow::Result<Simulator> {
         dwell_s: 0.5,
         loops: 1000,
     };
-    let model = frame.scanner_model();
     Ok(Simulator::new(Setup {
-        model,
-        mode: model.modes[0],
-        frame,
-        course: Course::Moving {
-            truth: Box::new(shuttle),
-            desired: Box::new(shuttle),
-            lag_s: 0.0,
-        },
         effects: effects.parse()?,
-        parameters: Parameters::default(),
-        seed: Seed(1),
         start: Stamp::from_ns(1_767_225_600_000_000_000),
         scans: Some(SCANS),
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
+        ..Setup::new(frame, Course::along(shuttle))
     }))
 }
 

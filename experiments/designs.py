@@ -10,32 +10,31 @@ for, 2000 simulated scans are solved too. Ends with status 4 where scans do bett
 much worse, or a design is not what the table of designs says of it. Leaves the summary's row beside OUT.
 """
 
-import csv
-import io
 import json
-import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+from dilution import bounds
+
 # name, gamma (deg), width, spacing, depth (m), x range (m), check by scans,
-# x rms by ranges and by remission that a prototype's exact posterior had (mm), or none
+# x rms by ranges that a prototype's exact posterior had (mm), or none
 DESIGNS = [
-    ("cablar.toml: 30 deg", 30, 0.8, 2.6, 1.5, 0.05, True, 3.78, 1.02),
-    ("15 deg", 15, 0.5, 2.8, 1.5, 0.05, False, 8.15, None),
-    ("20 deg", 20, 0.6, 2.7, 1.5, 0.05, False, 5.91, None),
-    ("30 deg, narrow", 30, 0.4, 2.7, 1.5, 0.05, False, 3.77, None),
-    ("40 deg", 40, 0.8, 2.5, 1.5, 0.05, False, 2.59, None),
-    ("45 deg", 45, 0.6, 2.4, 1.5, 0.05, True, 2.19, None),
-    ("50 deg", 50, 0.5, 2.5, 1.5, 0.05, True, None, None),
-    ("50 deg, narrow", 50, 0.4, 2.6, 1.5, 0.05, False, 1.84, None),
-    ("60 deg, half depth", 60, 0.5, 2.5, 0.9, 0.05, True, None, None),
+    ("cablar.toml: 30 deg", 30, 0.8, 2.6, 1.5, 0.05, True, 3.78),
+    ("15 deg", 15, 0.5, 2.8, 1.5, 0.05, False, 8.15),
+    ("20 deg", 20, 0.6, 2.7, 1.5, 0.05, False, 5.91),
+    ("30 deg, narrow", 30, 0.4, 2.7, 1.5, 0.05, False, 3.77),
+    ("40 deg", 40, 0.8, 2.5, 1.5, 0.05, False, 2.59),
+    ("45 deg", 45, 0.6, 2.4, 1.5, 0.05, True, 2.19),
+    ("50 deg", 50, 0.5, 2.5, 1.5, 0.05, True, None),
+    ("50 deg, narrow", 50, 0.4, 2.6, 1.5, 0.05, False, 1.84),
+    ("60 deg, half depth", 60, 0.5, 2.5, 0.9, 0.05, True, None),
 ]
-# Predicted rms against the prototype's: its poses were others.
-TOLERANCE = 0.12
-# Scans against the bound: they have noise, bias and an unknown threshold besides.
-SCANS_OVER_BOUND = [0.93, 1.3]
+# Predicted rms over the prototype's, which knew the lines exactly: their noise costs up to 7 %.
+OVER_PROTOTYPE = [0.98, 1.10]
+# Scans over the bound. 2000 of them tell an rms to 2 %, and so do the map's places that over its area.
+SCANS_OVER_BOUND = [0.94, 1.15]
 
 
 def frame_text(base, design):
@@ -64,15 +63,8 @@ def output(command):
 def predicted(frame, design, effects):
     """rms and worst place of x, mm."""
     x = design[5]
-    text = output(
-        f"simulate -q -f {frame} --dilution --effects {effects} --y-range=-4,4 --z-range 0.5,4"
-        f" --step-m 0.5 --x-range=-{x},{x} --tilt-deg 1 --dilution-poses 40"
-    )
-    rows = [row for row in csv.DictReader(io.StringIO(text)) if row["x_sigma_m"]]
-    told = [int(row["told"]) for row in rows]
-    sigmas = [float(row["x_sigma_m"]) * 1e3 for row in rows]
-    rms = math.sqrt(sum(n * s * s for n, s in zip(told, sigmas)) / sum(told))
-    return rms, max(sigmas)
+    where = f"--y-range=-4,4 --z-range 0.5,4 --step-m 0.5 --x-range=-{x},{x} --tilt-deg 1 --dilution-poses 40"
+    return bounds(frame, effects, *where.split())["x"]
 
 
 def reached(frame, design, effects, out):
@@ -101,10 +93,10 @@ def main():
         frame = out / (re.sub(r"[^0-9a-z]+", "-", name) + ".toml")
         frame.write_text(frame_text(base, design))
         line = f"{name:<22}{width:>5}{spacing:>8} |"
-        for effects, known in [("reference,-remission", design[7]), ("reference", design[8])]:
+        for effects, known in [("reference,-remission", design[7]), ("reference", None)]:
             rms, worst = predicted(frame, design, effects)
             line += f"{rms:>{12 if '-' in effects else 15}.2f}{worst:>7.2f}"
-            if known and abs(rms / known - 1) > TOLERANCE:
+            if known and not OVER_PROTOTYPE[0] <= rms / known <= OVER_PROTOTYPE[1]:
                 missed.append(f"{name}, {effects}: {rms:.2f} mm predicted, {known} by the prototype")
             if design[6]:
                 scans_rms, scans_max = reached(frame, design, effects, out)

@@ -18,6 +18,8 @@ from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 from pathlib import Path
 
+from dilution import bounds
+
 UNITS = {"x": "mm", "y": "mm", "z": "mm", "roll": "deg", "pitch": "deg", "yaw": "deg"}
 # Where no row says otherwise, a component's mean squared error over its predicted variance.
 NEES = [0.8, 1.3]
@@ -75,14 +77,9 @@ def bound(row):
     edges = "reference,-remission" if "-remission" in row["effects"] else "reference"
     mode = re.findall(r"--(?:frequency-hz|resolution-deg) \S+", row.get("trajectory", ""))
     sigma_deg = {"known": 0, "imu": 0.5, "none": 3}[row["pitch"]]
-    command = (
-        f"simulate --dilution -f {shlex.quote(row['frame'])} --effects {edges}"
-        f" --z-range {row['zone']} --step-m 0.5 --dilution-poses 16"
-        f" --dilution-pitch-sigma-deg {sigma_deg} {' '.join(mode)}"
-    )
-    told = subprocess.run(shlex.split(command), check=True, capture_output=True, text=True).stderr
-    found = re.findall(r"(x|y|z|roll|pitch|yaw) +rms +([0-9.]+) (mm|deg)", told)
-    return {f"{name}_rms_{unit}": float(value) for name, value, unit in found if float(value) > 0}
+    where = f"--z-range {row['zone']} --step-m 0.5 --dilution-poses 16 --dilution-pitch-sigma-deg {sigma_deg}"
+    found = bounds(row["frame"], edges, *shlex.split(f"{where} {' '.join(mode)}"))
+    return {f"{name}_rms_{UNITS[name]}": rms for name, (rms, _) in found.items() if rms > 0}
 
 
 def pool(row, runs):
@@ -112,8 +109,8 @@ def misses(row, figures, all_figures):
         value = figures.get(key, math.inf)
         if not value <= most * (1 + 1e-9):
             found.append(f"{key} {value:.4g} > {most:g}")
-    low, high = row.get("nees", NEES)
     for name in row["components"]:
+        low, high = row.get("nees_of", {}).get(name, row.get("nees", NEES))
         value = figures.get(f"{name}_nees")
         if value is None or not low <= value <= high:
             shown = "none" if value is None else f"{value:.2f}"

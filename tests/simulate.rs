@@ -207,6 +207,11 @@ fn an_effects_file_sets_sizes() {
     let (status, text) = refusal(&["--effects-file", path]);
     assert_eq!(status, 78);
     assert!(text.contains("outliers.share: 1.5"), "{text}");
+    // What would stop the run in its midst.
+    std::fs::write(path, "[remission]\nceiling = -1.0\n").unwrap();
+    let (status, text) = refusal(&["--effects-file", path]);
+    assert_eq!(status, 78);
+    assert!(text.contains("remission.ceiling: -1"), "{text}");
     std::fs::write(path, "[outlier]\nshare = 0.5\n").unwrap();
     assert_eq!(refusal(&["--effects-file", path]).0, 78);
     assert_eq!(refusal(&["--effects-file", "no-such-file.toml"]).0, 66);
@@ -296,6 +301,13 @@ fn impossible_command_lines_are_refused() {
         &["--trajectory", "line", "--from-pose", "1,2"],
         &["--y-range", "4,-4"],
         &["--imu-rate-hz", "0"],
+        &["--imu-rate-hz", "inf"],
+        &["--trajectory", "line", "--speed-m-s", "inf"],
+        &["--trajectory", "loop", "--jerk-m-s3", "inf"],
+        &["--trajectory", "random", "--tilt-deg", "nan"],
+        &["--wobble-deg", "1,0,0", "--wobble-hz", "nan"],
+        &["--dilution", "--step-m", "0.0001"],
+        &["--dilution", "--tilt-deg", "nan"],
         &["--speed-m-s", "2000"],
     ] {
         let (status, text) = refusal(args);
@@ -381,6 +393,17 @@ fn an_mcap_stream_holds_everything() {
     }
     // Four scans at 75 Hz end 0.047 s after the start: samples at 0, 10, .. 50 ms.
     assert_eq!(count("/imu"), 6, "{counts:?}");
+}
+
+#[test]
+fn a_scene_says_where_it_is_from_as_a_frame_does() {
+    let output = Command::new(env!("CARGO_BIN_EXE_simulate"))
+        .args(["--scene", "office", "--n-scans", "2", "--meta"])
+        .output()
+        .unwrap();
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{complaint}");
+    assert!(output.stdout.starts_with(b"# "));
 }
 
 /// Everything a run writes with the given arguments: scans, truth, desired trajectory, IMU samples.

@@ -1,8 +1,7 @@
 //! What every beam met: a strip's face, what is behind it, something in between, or nobody knows.
 
-use super::footprint;
 use super::planes::Planes;
-use crate::frame::Frame;
+use crate::frame::{Frame, disc_centre};
 use crate::record::{BeamTable, ReflectorLines, Scan};
 
 /// A hit lies within this many sigma of the line.
@@ -328,7 +327,7 @@ pub(super) fn mixed_reach(way: f64) -> [f64; 2] {
         let way = way.clamp(0.0, 1.0);
         // way = weight (1 - f) / (f + weight (1 - f)), f the share of the spot on the strip.
         let on_strip = weight * (1.0 - way);
-        footprint::centre(on_strip / (way + on_strip))
+        disc_centre(on_strip / (way + on_strip))
     };
     [
         inside(way + MIXED_SLACK, BEHIND_WEIGHT[0]),

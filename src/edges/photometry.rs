@@ -11,7 +11,7 @@
 //! Everything is in beam angles: an edge and the scanner's origin span a plane, which the scan plane
 //! cuts at the edge's angle, and a beam's distance from that plane is a sine.
 
-use super::footprint::share;
+use crate::frame::disc_share;
 use nalgebra::{SMatrix, SVector};
 
 /// Fitted: angles of both edges, A, B, p.
@@ -254,7 +254,13 @@ fn predict(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2], noise: [f64; 
         (sample.angle_rad - p[FIRST]) * per_rad,
         (p[SECOND] - sample.angle_rad) * per_rad,
     ];
-    let one = |k: usize| if there[k] { share(q[k]) } else { (1.0, 0.0) };
+    let one = |k: usize| {
+        if there[k] {
+            disc_share(q[k])
+        } else {
+            (1.0, 0.0)
+        }
+    };
     let ((f1, d1), (f2, d2)) = (one(0), one(1));
     let f = (f1 + f2 - 1.0).clamp(0.0, 1.0);
     // Derivatives of f to the two edges and to the footprint scale (q goes with 1/scale).

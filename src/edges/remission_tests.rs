@@ -1,9 +1,9 @@
 //! The edges' angles against the true ones, by the formulas of the beam alone: no line, no crossing
 //! of the estimator's geometry.
 
-use super::footprint::{Slant, Spot, share};
+use super::footprint::{Slant, Spot};
 use super::*;
-use crate::frame::ScannerPose;
+use crate::frame::{ScannerPose, disc_share};
 use crate::lines::reflectors::{Options, ReflectorFit};
 use crate::record::{EdgeBasis, TrajectoryPoint};
 use crate::simulate::staged::{frame, scattered, scattered_with, scattered_within};
@@ -364,11 +364,14 @@ fn the_share_of_a_disc_is_its_area() {
             inside += if y < q { (width * 1e4) as u32 } else { 0 };
         }
         let expected = f64::from(inside) / f64::from(all);
-        assert!((share(q).0 - expected).abs() < 2e-3, "{q}");
-        let slope = (share(q + 1e-6).0 - share(q - 1e-6).0) / 2e-6;
-        assert!((share(q).1 - slope).abs() < 1e-6);
+        assert!((disc_share(q).0 - expected).abs() < 2e-3, "{q}");
+        let slope = (disc_share(q + 1e-6).0 - disc_share(q - 1e-6).0) / 2e-6;
+        assert!((disc_share(q).1 - slope).abs() < 1e-6);
     }
-    assert_eq!((share(1.0), share(-1.2)), ((1.0, 0.0), (0.0, 0.0)));
+    assert_eq!(
+        (disc_share(1.0), disc_share(-1.2)),
+        ((1.0, 0.0), (0.0, 0.0))
+    );
 }
 
 #[test]

@@ -21,6 +21,7 @@
 mod attitude;
 mod config;
 mod crossing;
+mod disc;
 pub mod edit;
 mod imu_axes;
 mod scanner_model;
@@ -29,6 +30,7 @@ pub(crate) mod toml_file;
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
 pub use config::{Calibration, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
+pub use disc::{disc_centre, disc_share};
 pub use imu_axes::ImuAxes;
 pub use scanner_model::{Optics, ScanMode, ScannerModel};
 pub use toml_file::ConfigError;

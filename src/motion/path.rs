@@ -15,6 +15,14 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// Level, at a place, m.
+    pub const fn level(x_m: f64, y_m: f64, z_m: f64) -> Pose {
+        Pose {
+            position_m: Vector3::new(x_m, y_m, z_m),
+            rotation_rad: Vector3::new(0.0, 0.0, 0.0),
+        }
+    }
+
     /// Distance of the origins, m.
     pub fn distance_m(&self, other: &Pose) -> f64 {
         (other.position_m - self.position_m).norm()

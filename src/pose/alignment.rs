@@ -13,8 +13,10 @@
 //! beams), so that a fit that took them as independent would boast: the uncertainty is made from
 //! blocks of the run (sandwich with clustered scores).
 
-use crate::frame::{Frame, rotation_matrix};
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
+use super::mounting::turned_by;
+use super::thinned::Thinned;
+use crate::frame::Frame;
+use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 
 /// Turn about x, turn about y, constant x.
 const N: usize = 3;
@@ -70,7 +72,7 @@ pub const FEWEST: usize = 16;
 const BLOCKS: [usize; 3] = [8, 16, 32];
 /// The most of them.
 const FINEST: usize = 32;
-/// Observations kept; beyond, every second one goes.
+/// Most observations kept.
 const KEPT: usize = 100_000;
 /// Gauss-Newton steps; the problem is nearly linear.
 const STEPS: usize = 8;
@@ -82,27 +84,13 @@ const PITCH_LIMIT_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 /// Collects a run.
 #[derive(Clone, Debug, Default)]
 pub struct Aligner {
-    observations: Vec<Observation>,
-    every: usize,
-    seen: usize,
+    observations: Thinned<Observation, KEPT>,
 }
 
 impl Aligner {
     /// Takes one scan.
     pub fn add(&mut self, observation: Observation) {
-        let every = self.every.max(1);
-        if self.seen.is_multiple_of(every) {
-            self.observations.push(observation);
-            if self.observations.len() == KEPT {
-                let mut odd = false;
-                self.observations.retain(|_| {
-                    odd = !odd;
-                    odd
-                });
-                self.every = 2 * every;
-            }
-        }
-        self.seen += 1;
+        self.observations.add(|| observation);
     }
 
     /// The misalignment relative to the frame file's mounting of the IMU.
@@ -110,12 +98,16 @@ impl Aligner {
     /// # Errors
     /// [`AlignmentError::TooFew`].
     pub fn solve(&self, frame: &Frame) -> Result<Alignment, AlignmentError> {
-        let n = self.observations.len();
+        let n = self.observations.kept().len();
         if n < FEWEST {
             return Err(AlignmentError::TooFew(n));
         }
-        let pitch_is_shown = self.observations.iter().any(|o| o.pitch_rad.is_some());
-        let x_is_used = self.observations.iter().any(|o| o.x_m.is_some());
+        let pitch_is_shown = self
+            .observations
+            .kept()
+            .iter()
+            .any(|o| o.pitch_rad.is_some());
+        let x_is_used = self.observations.kept().iter().any(|o| o.x_m.is_some());
         let seen = pitch_is_shown || x_is_used;
         // A weak prior (10 deg, 10 m) keeps the turn in bounds where little shows it; where nothing
         // shows the pitch, it is held.
@@ -153,7 +145,10 @@ impl Aligner {
             roll_sigma_rad: sigma(0),
             pitch_rad,
             pitch_sigma_rad: if shown { sigma(1) } else { f64::NAN },
-            rotation_deg: turned(frame, state[0], pitch_rad.unwrap_or(0.0)),
+            rotation_deg: turned_by(
+                &Rotation3::from_euler_angles(state[0], pitch_rad.unwrap_or(0.0), 0.0),
+                frame.imu.rotation_deg,
+            ),
             scans: n,
         })
     }
@@ -165,6 +160,7 @@ impl Aligner {
     fn normal_equations(&self, state: &Column) -> (Square, Vec<Column>) {
         let equations: Vec<[Option<Equation>; 3]> = self
             .observations
+            .kept()
             .iter()
             .map(|o| equations(o, state))
             .collect();
@@ -252,7 +248,7 @@ fn turned_attitude(
         pitch.cos() * roll.cos(),
     );
     let at = |about_x: f64, about_y: f64| {
-        let up = matrix([about_x, about_y, 0.0]) * up;
+        let up = Rotation3::from_euler_angles(about_x, about_y, 0.0) * up;
         [up.y.atan2(up.z), (-up.x).clamp(-1.0, 1.0).asin()]
     };
     let middle = at(about_x, about_y);
@@ -263,19 +259,6 @@ fn turned_attitude(
     let slope = |k: usize, moved: [f64; 2]| (moved[k] - middle[k]) / STEP_RAD;
     let slopes = [0, 1].map(|k| [slope(k, by_x), slope(k, by_y)]);
     (middle, slopes)
-}
-
-/// `imu.rotation_deg` with turns about P's x and y added.
-fn turned(frame: &Frame, about_x: f64, about_y: f64) -> [f64; 3] {
-    let nominal = matrix(frame.imu.rotation_deg.map(f64::to_radians));
-    let turned = Rotation3::from_matrix_unchecked(matrix([about_x, about_y, 0.0]) * nominal);
-    let (roll, pitch, yaw) = turned.euler_angles();
-    [roll, pitch, yaw].map(f64::to_degrees)
-}
-
-fn matrix(rotation_rad: [f64; 3]) -> Matrix3<f64> {
-    let rows = rotation_matrix(rotation_rad);
-    Matrix3::from_fn(|i, j| rows[i][j])
 }
 
 /// A pitch that was estimated with a prior, with the prior taken out again; none where the scan

@@ -35,6 +35,33 @@ pub struct Site {
     pub nu: f64,
 }
 
+impl Site {
+    /// What the factor should be: the one that gives the form the moments that `bounded` makes of its
+    /// mean and variance without any factor. `mean` and `variance` are the form's with the present
+    /// one. None where hardly anything but the present factor holds the form.
+    pub(super) fn wanted(
+        &self,
+        mean: f64,
+        variance: f64,
+        bounded: impl FnOnce(f64, f64) -> (f64, f64),
+    ) -> Option<Site> {
+        let free = 1.0 - variance * self.tau;
+        if !(free > 1e-9 && variance > 0.0) {
+            return None;
+        }
+        let cavity_variance = variance / free;
+        let cavity_mean = (mean - variance * self.nu) / free;
+        let (new_mean, new_variance) = bounded(cavity_mean, cavity_variance);
+        let tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
+        let nu = if tau > 0.0 {
+            new_mean / new_variance - cavity_mean / cavity_variance
+        } else {
+            0.0
+        };
+        Some(Site { tau, nu })
+    }
+}
+
 /// Part of a site's change that is taken over in one sweep, after the first.
 const DAMPING: f64 = 0.8;
 /// Sites that move the state by less than this share of its standard deviation have settled.
@@ -75,21 +102,11 @@ pub fn revise<const N: usize>(
     let gain = state.along(&factor.row);
     let variance = factor.row.dot(&gain);
     let mean = factor.row.dot(&state.mean);
-    let free = 1.0 - variance * site.tau;
-    if !(free > 1e-9 && variance > 0.0) {
+    let Some(wanted) = site.wanted(mean, variance, |m, v| box_moments(m, v, factor)) else {
         return 0.0;
-    }
-    let cavity_variance = variance / free;
-    let cavity_mean = (mean - variance * site.nu) / free;
-    let (new_mean, new_variance) = box_moments(cavity_mean, cavity_variance, factor);
-    let wanted_tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
-    let wanted_nu = if wanted_tau > 0.0 {
-        new_mean / new_variance - cavity_mean / cavity_variance
-    } else {
-        0.0
     };
-    let d_tau = share / copies * (wanted_tau - site.tau);
-    let d_nu = share / copies * (wanted_nu - site.nu);
+    let d_tau = share / copies * (wanted.tau - site.tau);
+    let d_nu = share / copies * (wanted.nu - site.nu);
     site.tau += d_tau;
     site.nu += d_nu;
     let (d_tau, d_nu) = (copies * d_tau, copies * d_nu);

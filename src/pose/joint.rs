@@ -27,7 +27,7 @@ use super::gaussian::Gaussian;
 use super::interval::{BoxFactor, Site, propagate};
 use super::pitch::{self, Pitch};
 use crate::frame::{Frame, ScannerPose};
-use crate::record::{Face, Pose, ReflectorLines, Status, upper_index};
+use crate::record::{Pose, ReflectorLines, Status, upper_index};
 use edges::decorrelate;
 use lines::{seen_status, start};
 use state::bounded;
@@ -60,10 +60,6 @@ impl Default for Options {
     }
 }
 
-/// Standard deviation of a pitch that nobody gave, rad.
-const UNKNOWN_PITCH_RAD: f64 = std::f64::consts::PI / 180.0;
-/// The same where strips on the walls tell the pitch: so wide that it says nothing.
-const OPEN_PITCH_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// A pitch that the strips leave less certain than this was not told by them, rad.
 const TOLD_PITCH_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 /// An edge that misses its interval by more than this, m, and two standard deviations of the
@@ -408,15 +404,10 @@ impl Estimator {
             pose.status |= pitch::status(Some(pitch));
             return pose;
         }
-        if self.frame.strips.iter().all(|s| s.face == Face::Upper) {
+        if !pitch::is_shown(&self.frame) {
             return self.solve_level(lines);
         }
-        let open = Pitch {
-            rad: 0.0,
-            sigma_rad: OPEN_PITCH_RAD,
-            stale: false,
-        };
-        let prior = self.prior(&open);
+        let prior = self.prior(&Pitch::OPEN);
         let mut pose = self.solve_with(lines, &prior, &[]);
         if !(pose.cov(PITCH, PITCH).sqrt() < TOLD_PITCH_RAD) {
             pose.status |= Status::NO_IMU;
@@ -438,15 +429,10 @@ impl Estimator {
     /// not tell it from x; what an unknown pitch does to the pose is added to the covariance.
     fn solve_level(&mut self, lines: &ReflectorLines) -> Pose {
         let mut at = |rad: f64| {
-            let exact = Pitch {
-                rad,
-                sigma_rad: 0.0,
-                stale: false,
-            };
-            let prior = self.prior(&exact);
+            let prior = self.prior(&Pitch::exact(rad));
             self.solve_with(lines, &prior, &[])
         };
-        let (mut level, tilted) = (at(0.0), at(UNKNOWN_PITCH_RAD));
+        let (mut level, tilted) = (at(0.0), at(Pitch::LEVEL.sigma_rad));
         level.status |= Status::NO_IMU;
         let moved: [f64; 6] = std::array::from_fn(|k| {
             let moved = tilted.components()[k] - level.components()[k];

@@ -13,5 +13,9 @@ pub mod gaussian;
 pub mod information;
 pub mod interval;
 pub mod joint;
+mod mounting;
 pub mod pitch;
+#[cfg(test)]
+mod staged;
+mod thinned;
 pub mod vote;

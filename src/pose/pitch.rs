@@ -6,7 +6,7 @@
 //! axes whatever axes the samples have, or as a number.
 
 use crate::frame::{Frame, ImuAxes};
-use crate::record::{Axes, ImuSample, Stamp, Status};
+use crate::record::{Axes, Face, ImuSample, Stamp, Status};
 use std::collections::VecDeque;
 
 /// Pitch of the platform with its standard deviation.
@@ -18,6 +18,32 @@ pub struct Pitch {
     pub sigma_rad: f64,
     /// Whether the samples are older than they should be.
     pub stale: bool,
+}
+
+impl Pitch {
+    /// Of a platform whose pitch nobody gave and no strip tells: level, give or take a degree.
+    pub const LEVEL: Pitch = Pitch::within(0.0, std::f64::consts::PI / 180.0);
+    /// Where strips on the walls tell the pitch: so wide that it says nothing.
+    pub const OPEN: Pitch = Pitch::within(0.0, 3.0 * std::f64::consts::PI / 180.0);
+
+    /// Of this standard deviation, rad.
+    pub const fn within(rad: f64, sigma_rad: f64) -> Pitch {
+        Pitch {
+            rad,
+            sigma_rad,
+            stale: false,
+        }
+    }
+
+    /// Known.
+    pub const fn exact(rad: f64) -> Pitch {
+        Pitch::within(rad, 0.0)
+    }
+}
+
+/// Whether a scan shows the pitch by itself: strips on the walls do.
+pub fn is_shown(frame: &Frame) -> bool {
+    frame.strips.iter().any(|strip| strip.face != Face::Upper)
 }
 
 /// Roll, pitch, yaw of the platform in B from a sample in any axes, rad, by [`ImuAxes`]. A missing

@@ -28,6 +28,27 @@ pub enum Course {
 }
 
 impl Course {
+    /// At rest in poses drawn from a seed, a scan in each.
+    pub fn scattered(scatter: Scatter, seed: Seed, count: u64) -> Course {
+        Course::Stations {
+            poses: Places::Scattered {
+                scatter,
+                seed,
+                count,
+            },
+            scans_each: 1,
+        }
+    }
+
+    /// In motion, exactly as it was asked for.
+    pub fn along(motion: impl Motion + Clone + Send + Sync + 'static) -> Course {
+        Course::Moving {
+            truth: Box::new(motion.clone()),
+            desired: Box::new(motion),
+            lag_s: 0.0,
+        }
+    }
+
     /// How many scans fit into it, one every `period_s` and each lasting `sweep_s`.
     pub fn scans(&self, period_s: f64, sweep_s: f64) -> u64 {
         match self {
@@ -75,10 +96,7 @@ impl Course {
     }
 }
 
-const ORIGIN: Pose = Pose {
-    position_m: Vector3::new(0.0, 0.0, 0.0),
-    rotation_rad: Vector3::new(0.0, 0.0, 0.0),
-};
+const ORIGIN: Pose = Pose::level(0.0, 0.0, 0.0);
 
 /// Poses in an order: listed, or made when they are asked for, so that a long run takes no more
 /// memory than a short one.
@@ -184,6 +202,16 @@ pub struct Scatter {
 }
 
 impl Scatter {
+    /// Where the estimators' figures are stated: x within 50 mm, y within 4 m, heights from and to,
+    /// angles within a degree.
+    pub fn workspace(z_m: [f64; 2]) -> Scatter {
+        let tilt_rad = 1f64.to_radians();
+        Scatter {
+            position_m: [[-0.05, 0.05], [-4.0, 4.0], z_m],
+            rotation_rad: [[-tilt_rad, tilt_rad]; 3],
+        }
+    }
+
     /// Pose `index` of a seed.
     pub fn pose(&self, seed: Seed, index: u64) -> Pose {
         let mut draws = seed.draws(Purpose::Course, index);

@@ -1,6 +1,7 @@
 //! How large the effects are. Every number has a default; a TOML file with the same names changes
 //! them.
 
+use crate::frame::Frame;
 use serde::Deserialize;
 
 macro_rules! table {
@@ -306,127 +307,157 @@ table!(
     }
 );
 
+/// What a value may be, beside finite.
+#[derive(Clone, Copy, Debug)]
+enum Rule {
+    /// Between 0 and 1.
+    Share,
+    /// Not negative.
+    Size,
+    /// Above 0.
+    Positive,
+    /// Above 1.
+    Ratio,
+    /// Anything.
+    Number,
+}
+
+impl Rule {
+    fn allows(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Rule::Share => (0.0..=1.0).contains(&value),
+                Rule::Size => value >= 0.0,
+                Rule::Positive => value > 0.0,
+                Rule::Ratio => value > 1.0,
+                Rule::Number => true,
+            }
+    }
+
+    fn wanted(self) -> &'static str {
+        match self {
+            Rule::Share => "must lie between 0 and 1",
+            Rule::Size => "must not be negative",
+            Rule::Positive => "must be above 0",
+            Rule::Ratio => "must be above 1",
+            Rule::Number => "must be a number",
+        }
+    }
+}
+
+/// Key, value and rule of each of the fields named.
+macro_rules! ruled {
+    ($parameters:expr; $($rule:ident: $($table:ident.$field:ident$([$index:literal])?),+;)+) => {
+        [$($((
+            concat!(stringify!($table), ".", stringify!($field) $(, "[", $index, "]")?),
+            $parameters.$table.$field$([$index])?,
+            Rule::$rule,
+        )),+),+]
+    };
+}
+
+/// Key and ends of each of the intervals named.
+macro_rules! intervals {
+    ($parameters:expr; $($table:ident.$field:ident),+) => {
+        [$((concat!(stringify!($table), ".", stringify!($field)), $parameters.$table.$field)),+]
+    };
+}
+
 /// A value in an effects file that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{key}: {value} {why}")]
-pub struct ParameterError {
-    key: &'static str,
-    value: f64,
-    why: &'static str,
+pub enum ParameterError {
+    /// A number that its key cannot have.
+    #[error("{key}: {value} {wanted}")]
+    Value {
+        /// Table and name.
+        key: &'static str,
+        /// As given.
+        value: f64,
+        /// What would be right.
+        wanted: &'static str,
+    },
+    /// The ends of an interval are in the wrong order.
+    #[error("{key}: {from} lies above {to}")]
+    Turned {
+        /// Table and name.
+        key: &'static str,
+        /// The end that should be the smaller one.
+        from: f64,
+        /// The other one.
+        to: f64,
+    },
+    /// A strip that the frame does not have.
+    #[error(
+        "missing_strip.strips: there is no strip {strip}; the frame has {count}, counted from 0"
+    )]
+    Strip {
+        /// As given.
+        strip: usize,
+        /// The frame's strips.
+        count: usize,
+    },
 }
 
 impl Parameters {
-    /// Checks that shares are shares and sizes are not negative.
-    pub fn check(&self) -> Result<(), ParameterError> {
-        let share = |v: f64| (0.0..=1.0).contains(&v);
-        let size = |v: f64| v >= 0.0 && v.is_finite();
-        let positive = |v: f64| v > 0.0 && v.is_finite();
-        let (s, n, p) = (
-            "must lie between 0 and 1",
-            "must not be negative",
-            "must be above 0",
-        );
-        let checks = [
+    /// Checks that shares are shares, sizes are not negative, and what is named is in the frame.
+    ///
+    /// # Errors
+    /// [`ParameterError`], for the first value that makes no sense.
+    pub fn check(&self, frame: &Frame) -> Result<(), ParameterError> {
+        let optional = [
             (
                 "noise.sigma_mm",
                 self.noise.sigma_mm.unwrap_or(0.0),
-                size as fn(f64) -> bool,
-                n,
-            ),
-            ("bias.common_mm", self.bias.common_mm, size, n),
-            ("bias.face_mm", self.bias.face_mm, size, n),
-            ("bias.scale", self.bias.scale, positive, p),
-            (
-                "quantisation.step_mm",
-                self.quantisation.step_mm,
-                positive,
-                p,
+                Rule::Size,
             ),
             (
-                "footprint.hit_threshold",
-                self.footprint.hit_threshold,
-                share,
-                s,
+                "remission.ceiling",
+                self.remission.ceiling.unwrap_or(0.0),
+                Rule::Size,
             ),
-            ("footprint.scale", self.footprint.scale, positive, p),
-            (
-                "footprint.constant_mm",
-                self.footprint.constant_mm,
-                positive,
-                p,
-            ),
-            (
-                "mixed.hit_threshold[0]",
-                self.mixed.hit_threshold[0],
-                share,
-                s,
-            ),
-            (
-                "mixed.hit_threshold[1]",
-                self.mixed.hit_threshold[1],
-                share,
-                s,
-            ),
-            ("mixed.share", self.mixed.share, share, s),
-            ("echoes.share", self.echoes.share, share, s),
-            ("remission.noise", self.remission.noise, size, n),
-            ("remission.contrast", self.remission.contrast, size, n),
-            (
-                "remission.reference_range_m",
-                self.remission.reference_range_m,
-                positive,
-                p,
-            ),
-            ("remission.digits", self.remission.digits, positive, p),
-            ("remission.span", self.remission.span - 1.0, positive, p),
-            (
-                "angle_jitter.period_jitter",
-                self.angle_jitter.period_jitter,
-                size,
-                n,
-            ),
-            (
-                "angle_jitter.residual_deg",
-                self.angle_jitter.residual_deg,
-                size,
-                n,
-            ),
-            ("outliers.share", self.outliers.share, share, s),
-            (
-                "outliers.range_max_m",
-                self.outliers.range_max_m,
-                positive,
-                p,
-            ),
-            ("dropouts.share", self.dropouts.share, share, s),
-            ("cables.diameter_mm", self.cables.diameter_mm, positive, p),
-            ("cables.share", self.cables.share, share, s),
-            (
-                "clocks.device_resolution_us",
-                self.clocks.device_resolution_us,
-                positive,
-                p,
-            ),
-            (
-                "clocks.stamp_resolution_us",
-                self.clocks.stamp_resolution_us,
-                positive,
-                p,
-            ),
-            ("clocks.stamp_sigma_us", self.clocks.stamp_sigma_us, size, n),
-            (
-                "imu.angle_resolution_deg",
-                self.imu.angle_resolution_deg,
-                size,
-                n,
-            ),
-            ("imu.tick_ms", self.imu.tick_ms, positive, p),
         ];
-        match checks.iter().find(|(_, value, good, _)| !good(*value)) {
-            Some((key, value, _, why)) => Err(ParameterError {
+        let given = ruled!(self;
+            Share: footprint.hit_threshold, mixed.hit_threshold[0], mixed.hit_threshold[1],
+                mixed.share, mixed.between[0], mixed.between[1], echoes.share, outliers.share,
+                dropouts.share, cables.share;
+            Size: bias.common_mm, bias.face_mm, remission.noise, remission.contrast,
+                angle_jitter.period_jitter, angle_jitter.residual_deg, cables.remission,
+                cargo.width_deg[0], cargo.width_deg[1], cargo.remission, clocks.stamp_sigma_us,
+                clocks.transmission_periods, clocks.transmission_ms, clocks.latency_ms,
+                clocks.latency_jitter_ms, imu.attitude_bias_deg, imu.attitude_noise_deg,
+                imu.attitude_walk_deg_sqrt_s, imu.gyro_bias_deg_s, imu.gyro_noise_deg_sqrt_h,
+                imu.accel_bias_mg, imu.accel_noise_m_s2, imu.misalignment_deg,
+                imu.angle_resolution_deg;
+            Positive: bias.scale, quantisation.step_mm, footprint.scale, footprint.constant_mm,
+                remission.reference_range_m, remission.digits, outliers.range_max_m,
+                cables.diameter_mm, cables.range_m[0], cables.range_m[1], cargo.range_m[0],
+                cargo.range_m[1], clocks.device_resolution_us, clocks.stamp_resolution_us,
+                imu.tick_ms;
+            Ratio: remission.span;
+            Number: bias.remission_mm, remission.range_exponent, remission.incidence_exponent,
+                angle_jitter.period_to_angle_deg[0], angle_jitter.period_to_angle_deg[1],
+                angle_jitter.period_to_angle_deg[2], cargo.between_deg[0], cargo.between_deg[1],
+                clocks.device_start_s, clocks.drift_ppm;
+        );
+        let wrong = |(_, value, rule): &&(&str, f64, Rule)| !rule.allows(*value);
+        if let Some((key, value, rule)) = optional.iter().chain(&given).find(wrong) {
+            return Err(ParameterError::Value {
                 key,
                 value: *value,
-                why,
+                wanted: rule.wanted(),
+            });
+        }
+        let intervals = intervals!(self;
+            mixed.hit_threshold, mixed.between, cables.range_m, cargo.width_deg, cargo.range_m,
+            cargo.between_deg);
+        if let Some((key, [from, to])) = intervals.into_iter().find(|(_, [from, to])| from > to) {
+            return Err(ParameterError::Turned { key, from, to });
+        }
+        let count = frame.strips.len();
+        match self.missing_strip.strips.iter().find(|k| **k >= count) {
+            Some(strip) => Err(ParameterError::Strip {
+                strip: *strip,
+                count,
             }),
             None => Ok(()),
         }
@@ -436,6 +467,13 @@ impl Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::staged;
+
+    fn checked(text: &str) -> Result<(), String> {
+        let parameters: Parameters = toml::from_str(text).unwrap();
+        let checked = parameters.check(&staged::frame(&[]));
+        checked.map_err(|error| error.to_string())
+    }
 
     #[test]
     fn a_file_changes_what_it_names() {
@@ -444,15 +482,41 @@ mod tests {
         assert_eq!(parameters.noise.sigma_mm, Some(4.0));
         assert_eq!(parameters.remission.law, Law::Logarithmic);
         assert_eq!(parameters.remission.noise, 0.04);
-        assert!(parameters.check().is_ok());
+        assert_eq!(checked(text), Ok(()));
         assert!(toml::from_str::<Parameters>("[noise]\nsigma = 4.0").is_err());
-        let wrong: Parameters = toml::from_str("[mixed]\nshare = 1.4").unwrap();
-        assert!(
-            wrong
-                .check()
-                .unwrap_err()
-                .to_string()
-                .starts_with("mixed.share: 1.4")
-        );
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_named() {
+        for (text, says) in [
+            ("[mixed]\nshare = 1.4", "mixed.share: 1.4 must lie between"),
+            (
+                "[remission]\nspan = 1.0",
+                "remission.span: 1 must be above 1",
+            ),
+            (
+                "[remission]\nceiling = -1.0",
+                "remission.ceiling: -1 must not be negative",
+            ),
+            ("[remission]\nceiling = nan", "remission.ceiling: NaN"),
+            ("[noise]\nsigma_mm = inf", "noise.sigma_mm: inf"),
+            ("[imu]\ngyro_bias_deg_s = nan", "imu.gyro_bias_deg_s: NaN"),
+            (
+                "[cables]\nrange_m = [-1.0, 2.0]",
+                "cables.range_m[0]: -1 must be above 0",
+            ),
+            (
+                "[mixed]\nbetween = [0.9, 0.1]",
+                "mixed.between: 0.9 lies above 0.1",
+            ),
+            (
+                "[missing_strip]\nstrips = [0, 4]",
+                "no strip 4; the frame has 4",
+            ),
+        ] {
+            let said = checked(text).unwrap_err();
+            assert!(said.contains(says), "{text}: {said}");
+        }
+        assert_eq!(checked("[missing_strip]\nstrips = [0, 3]"), Ok(()));
     }
 }

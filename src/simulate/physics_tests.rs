@@ -4,42 +4,27 @@
 use super::*;
 use crate::frame::{Frame, ScannerModel};
 use crate::motion::{Pose, Straight};
-use crate::record::{Axes, Stamp};
+use crate::record::Stamp;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::path::Path;
 
 const START: Stamp = Stamp::from_ns(1_767_225_600_000_000_000);
 
 fn frame() -> Frame {
-    let text = include_str!("../../testdata/cablar.toml");
-    Frame::parse(text, Path::new("cablar.toml")).unwrap()
+    staged::frame(&[])
 }
 
 fn setup(frame: Frame, course: Course, effects: &str) -> Setup {
-    let model = frame.scanner_model();
     Setup {
-        frame,
-        model,
-        mode: model.modes[0],
-        course,
         effects: effects.parse().unwrap(),
-        parameters: Parameters::default(),
         seed: Seed(11),
         start: START,
-        scans: None,
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
+        ..Setup::new(frame, course)
     }
 }
 
 fn steps(setup: Setup) -> Vec<Step> {
-    let mut simulator = Simulator::new(setup);
-    let mut steps = Vec::new();
-    while let Some(step) = simulator.advance() {
-        steps.push(step.clone());
-    }
-    steps
+    Simulator::new(setup).all()
 }
 
 fn at_rest(poses: Vec<Pose>) -> Course {
@@ -50,12 +35,7 @@ fn at_rest(poses: Vec<Pose>) -> Course {
 }
 
 fn scattered(count: u64) -> Vec<Pose> {
-    let tilt = 1f64.to_radians();
-    let scatter = Scatter {
-        position_m: [[-0.05, 0.05], [-4.0, 4.0], [0.5, 3.5]],
-        rotation_rad: [[-tilt, tilt]; 3],
-    };
-    scatter.poses(Seed(5), count)
+    Scatter::workspace([0.5, 3.5]).poses(Seed(5), count)
 }
 
 /// Range of a beam by the formulas of the estimator's beam model, in scalars.

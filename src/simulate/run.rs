@@ -44,6 +44,36 @@ pub struct Setup {
     pub imu_axes: Axes,
 }
 
+impl Setup {
+    /// A run with the frame's scanner in its first mode and no effects: seed 1, from time 0 on, as many
+    /// scans as fit into the course, and with each an IMU sample in the platform's axes.
+    pub fn new(frame: Frame, course: Course) -> Setup {
+        let model = frame.scanner_model();
+        Setup {
+            frame,
+            model,
+            mode: model.modes[0],
+            course,
+            effects: Effects::NONE,
+            parameters: Parameters::default(),
+            seed: Seed(1),
+            start: Stamp::from_ns(0),
+            scans: None,
+            imu_rate_hz: None,
+            imu_axes: Axes::Platform,
+        }
+    }
+
+    /// How many scans the run has.
+    pub fn scans(&self) -> u64 {
+        self.scans.unwrap_or_else(|| {
+            let scanner = Scanner::new(&self.frame, self.model, self.mode);
+            let (period_s, sweep_s) = (scanner.period_s(), scanner.sweep_s());
+            self.course.scans(period_s, sweep_s)
+        })
+    }
+}
+
 /// One scan and what goes with it.
 #[derive(Clone, Debug, Default)]
 pub struct Step {
@@ -117,9 +147,8 @@ impl Simulator {
             .effects
             .has(Effect::AngleJitter)
             .then(|| Hunting::new(setup.seed, &setup.parameters.angle_jitter));
-        let fitting = setup.course.scans(scanner.period_s(), scanner.sweep_s());
         Simulator {
-            total: setup.scans.unwrap_or(fitting),
+            total: setup.scans(),
             stage: Stage {
                 turning: hunting.is_some() || setup.mode.interlace > 1,
                 setup,
@@ -187,6 +216,15 @@ impl Simulator {
         let firing = self.prepare()?;
         self.stage.expose(&mut self.scanner, firing, &mut self.step);
         Some(&self.step)
+    }
+
+    /// All scans of a run that is short enough to be held.
+    pub fn all(mut self) -> Vec<Step> {
+        let mut steps = Vec::new();
+        while let Some(step) = self.advance() {
+            steps.push(step.clone());
+        }
+        steps
     }
 
     /// The next scans, `count` at most and none after the last, in place of what is in `steps`. They

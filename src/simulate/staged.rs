@@ -1,8 +1,7 @@
 //! Simulated scans for the tests of the rooms that estimate from them.
 
 use super::{Course, Parameters, Scatter, Seed, Setup, Simulator, Step};
-use crate::frame::{Frame, ScannerModel};
-use crate::record::{Axes, Stamp};
+use crate::frame::Frame;
 use std::path::Path;
 
 /// The reconstructed frame, with some of its text replaced.
@@ -36,11 +35,7 @@ pub(crate) fn scattered_with(
     z_m: [f64; 2],
     seed: u64,
 ) -> Vec<Step> {
-    let tilt = 1f64.to_radians();
-    let scatter = Scatter {
-        position_m: [[-0.05, 0.05], [-4.0, 4.0], z_m],
-        rotation_rad: [[-tilt, tilt]; 3],
-    };
+    let scatter = Scatter::workspace(z_m);
     scattered_within(frame, effects, parameters, count, &scatter, seed)
 }
 
@@ -53,26 +48,12 @@ pub(crate) fn scattered_within(
     scatter: &Scatter,
     seed: u64,
 ) -> Vec<Step> {
-    let model = ScannerModel::by_name("lms511-hr").unwrap();
-    let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode: model.modes[0],
-        course: Course::Stations {
-            poses: scatter.poses(Seed(seed), count).into(),
-            scans_each: 1,
-        },
+    let course = Course::scattered(*scatter, Seed(seed), count);
+    let setup = Setup {
         effects: effects.parse().unwrap(),
         parameters: parameters.clone(),
         seed: Seed(seed),
-        start: Stamp::from_ns(0),
-        scans: Some(count),
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
-    });
-    let mut steps = Vec::new();
-    while let Some(step) = simulator.advance() {
-        steps.push(step.clone());
-    }
-    steps
+        ..Setup::new(frame.clone(), course)
+    };
+    Simulator::new(setup).all()
 }

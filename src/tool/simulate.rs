@@ -19,7 +19,7 @@ use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
 use crate::tool::common::Format;
 use clap::CommandFactory;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Runs the tool.
@@ -118,22 +118,10 @@ struct Sides {
 
 impl Sides {
     fn open(args: &Args, options: &Options) -> anyhow::Result<Sides> {
-        let side = |path: &Option<PathBuf>| {
-            let create = |path: &PathBuf| {
-                let is_mcap = path.extension().is_some_and(|e| e == "mcap");
-                let encoding = if is_mcap {
-                    Encoding::Mcap
-                } else {
-                    Encoding::Csv
-                };
-                Output::create(path, encoding, options)
-            };
-            path.as_ref().map(create).transpose()
-        };
         Ok(Sides {
-            truth: side(&args.truth)?,
-            desired: side(&args.desired)?,
-            imu: side(&args.imu)?,
+            truth: side_output(args.truth.as_deref(), options)?,
+            desired: side_output(args.desired.as_deref(), options)?,
+            imu: side_output(args.imu.as_deref(), options)?,
         })
     }
 
@@ -164,6 +152,20 @@ impl Sides {
         let sides = [self.imu, self.truth, self.desired];
         sides.into_iter().flatten().try_for_each(Output::finish)
     }
+}
+
+/// A file beside the scans: MCAP if its name says so.
+fn side_output(path: Option<&Path>, options: &Options) -> anyhow::Result<Option<Output>> {
+    let create = |path: &Path| {
+        let is_mcap = path.extension().is_some_and(|e| e == "mcap");
+        let encoding = if is_mcap {
+            Encoding::Mcap
+        } else {
+            Encoding::Csv
+        };
+        Output::create(path, encoding, options)
+    };
+    path.map(create).transpose()
 }
 
 /// Sleeps to an absolute instant, in pieces short enough to notice a signal.

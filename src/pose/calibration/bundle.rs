@@ -4,7 +4,8 @@
 //! Gaussian that does the same to the state, given all the other scans (their sum less this scan's
 //! own part); a scan's boxes are treated together. Measured edges are Gaussian already.
 
-use super::super::interval::truncated;
+use super::super::interval::{Site, truncated};
+use super::super::joint;
 use super::equations::{Form, OWN, Own, System, linearise};
 use super::parameters::{Layout, geometry};
 use super::{Observation, Options};
@@ -26,8 +27,8 @@ const VIOLATION_SIGMAS: f64 = 3.0;
 struct Member<'a> {
     observation: &'a Observation,
     own: Own,
-    /// Precision and precision times value along each form; zero where the edge is refused.
-    sites: Vec<(f64, f64)>,
+    /// The factor along each form; nothing where the edge is refused.
+    sites: Vec<Site>,
     /// What the scan says of the parameters.
     information: DMatrix<f64>,
     vector: DVector<f64>,
@@ -62,7 +63,12 @@ pub(super) fn adjust(
         .iter()
         .map(|observation| Member {
             observation,
-            own: observation.start,
+            own: {
+                let mut own = observation.start;
+                own[joint::THRESHOLD] = options.threshold;
+                own[joint::FOOTPRINT] = options.footprint_scale;
+                own
+            },
             sites: Vec::new(),
             information: DMatrix::zeros(n, n),
             vector: DVector::zeros(n),
@@ -123,9 +129,12 @@ pub(super) fn adjust(
 }
 
 /// A form as a measurement of its middle.
-fn middle(form: &Form) -> (f64, f64) {
-    let precision = 1.0 / form.variance();
-    (precision, precision * 0.5 * (form.low + form.high))
+fn middle(form: &Form) -> Site {
+    let tau = 1.0 / form.variance();
+    Site {
+        tau,
+        nu: tau * 0.5 * (form.low + form.high),
+    }
 }
 
 impl Member<'_> {
@@ -133,9 +142,9 @@ impl Member<'_> {
     fn with_sites(&self, system: &System) -> (DMatrix<f64>, DVector<f64>) {
         let mut information = system.information.clone();
         let mut vector = system.vector.clone();
-        for (form, (precision, value)) in system.forms.iter().zip(&self.sites) {
-            information.ger(*precision, &form.row, &form.row, 1.0);
-            vector.axpy(*value, &form.row, 1.0);
+        for (form, site) in system.forms.iter().zip(&self.sites) {
+            information.ger(site.tau, &form.row, &form.row, 1.0);
+            vector.axpy(site.nu, &form.row, 1.0);
         }
         (information, vector)
     }
@@ -203,13 +212,13 @@ impl Member<'_> {
     }
 }
 
-/// One Gaussian measurement along form `k` put into the distribution of all forms.
-fn update(mean: &mut DVector<f64>, covariance: &mut DMatrix<f64>, k: usize, d_tau: f64, d_nu: f64) {
+/// One Gaussian factor along form `k` put into the distribution of all forms.
+fn update(mean: &mut DVector<f64>, covariance: &mut DMatrix<f64>, k: usize, by: Site) {
     let gain = covariance.column(k).into_owned();
-    let scale = 1.0 / (1.0 + d_tau * gain[k]);
-    let shift = (d_nu - d_tau * mean[k]) * scale;
+    let scale = 1.0 / (1.0 + by.tau * gain[k]);
+    let shift = (by.nu - by.tau * mean[k]) * scale;
     mean.axpy(shift, &gain, 1.0);
-    covariance.ger(-d_tau * scale, &gain, &gain, 1.0);
+    covariance.ger(-by.tau * scale, &gain, &gain, 1.0);
 }
 
 /// The edge that contradicts the others most, if one does beyond doubt: each is compared with what
@@ -223,14 +232,13 @@ fn worst_violation(
     let (mut mean, mut covariance) = (mean.clone(), covariance.clone());
     let there = || (0..forms.len()).filter(|k| kept[*k]);
     for k in there() {
-        let (tau, nu) = middle(&forms[k]);
-        update(&mut mean, &mut covariance, k, tau, nu);
+        update(&mut mean, &mut covariance, k, middle(&forms[k]));
     }
     let mut worst = None;
     let mut most = 0.0;
     for k in there() {
         let form = &forms[k];
-        let (tau, nu) = middle(form);
+        let Site { tau, nu } = middle(form);
         // Its own part is taken out again.
         let free = 1.0 - tau * covariance[(k, k)];
         let variance = covariance[(k, k)] / free;
@@ -254,40 +262,31 @@ fn propagate(
     covariance: &DMatrix<f64>,
     forms: &[Form],
     kept: &[bool],
-) -> Vec<(f64, f64)> {
+) -> Vec<Site> {
     let (mut mean, mut covariance) = (mean.clone(), covariance.clone());
-    let mut sites = vec![(0.0f64, 0.0f64); forms.len()];
+    let mut sites = vec![Site::default(); forms.len()];
     for k in (0..forms.len()).filter(|k| kept[*k] && forms[*k].measured) {
-        let (tau, nu) = middle(&forms[k]);
-        update(&mut mean, &mut covariance, k, tau, nu);
-        sites[k] = (tau, nu);
+        sites[k] = middle(&forms[k]);
+        update(&mut mean, &mut covariance, k, sites[k]);
     }
     for _ in 0..SWEEPS {
         for k in (0..forms.len()).filter(|k| kept[*k] && !forms[*k].measured) {
-            let (tau, nu) = sites[k];
-            let (at, variance) = (mean[k], covariance[(k, k)]);
-            let free = 1.0 - variance * tau;
-            if !(free > 1e-9 && variance > 0.0) {
-                continue;
-            }
-            let cavity_variance = variance / free;
-            let cavity = (at - variance * nu) / free;
             let form = &forms[k];
-            let (new, new_variance) = truncated(
-                cavity,
-                cavity_variance,
-                [form.low, form.high],
-                form.softness,
-            );
-            let wanted_tau = (1.0 / new_variance - 1.0 / cavity_variance).max(0.0);
-            let wanted_nu = if wanted_tau > 0.0 {
-                new / new_variance - cavity / cavity_variance
-            } else {
-                0.0
+            let bounded =
+                |mean, variance| truncated(mean, variance, [form.low, form.high], form.softness);
+            let site = sites[k];
+            let Some(wanted) = site.wanted(mean[k], covariance[(k, k)], bounded) else {
+                continue;
             };
-            let (d_tau, d_nu) = (DAMPING * (wanted_tau - tau), DAMPING * (wanted_nu - nu));
-            sites[k] = (tau + d_tau, nu + d_nu);
-            update(&mut mean, &mut covariance, k, d_tau, d_nu);
+            let by = Site {
+                tau: DAMPING * (wanted.tau - site.tau),
+                nu: DAMPING * (wanted.nu - site.nu),
+            };
+            sites[k] = Site {
+                tau: site.tau + by.tau,
+                nu: site.nu + by.nu,
+            };
+            update(&mut mean, &mut covariance, k, by);
         }
     }
     sites

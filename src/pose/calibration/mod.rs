@@ -23,6 +23,7 @@ pub use result::{Calibration, Entry, Pattern};
 
 use super::joint;
 use super::pitch::{Attitude, Pitch};
+use super::thinned::Thinned;
 use crate::frame::Frame;
 use crate::record::{Pose, ReflectorLines};
 use parameters::Layout;
@@ -90,7 +91,8 @@ struct Observation {
     /// The IMU's roll.
     roll_rad: Option<f64>,
     pitch_changes_rad: Vec<f64>,
-    /// Where the bundle starts: the scan's own solution.
+    /// Where the bundle starts: the scan's own solution; threshold and footprint are those of
+    /// [`Options`].
     start: equations::Own,
 }
 
@@ -109,7 +111,7 @@ pub enum CalibrationError {
 
 /// Fewest scans.
 pub const FEWEST: usize = 16;
-/// Scans kept; beyond, every second one goes.
+/// Most scans kept.
 pub const KEPT: usize = 4000;
 /// A scan counts as another one where the platform has moved by this much since the last one that
 /// was taken, m and rad: standing, the same beams meet the same edges, and their intervals say
@@ -120,10 +122,8 @@ const MOVED_RAD: f64 = 0.002;
 /// Collects a run.
 #[derive(Clone, Debug, Default)]
 pub struct Calibrator {
-    observations: Vec<Observation>,
+    observations: Thinned<Observation, KEPT>,
     last: Option<Pose>,
-    every: usize,
-    seen: usize,
 }
 
 impl Calibrator {
@@ -150,28 +150,18 @@ impl Calibrator {
             return;
         }
         self.last = Some(pose.clone());
-        let every = self.every.max(1);
-        if self.seen.is_multiple_of(every) {
+        self.observations.add(|| {
             let mut start = [0.0; equations::OWN];
             start[..6].copy_from_slice(&components);
-            start[6] = pose.range_bias_m;
-            self.observations.push(Observation {
+            start[joint::BIAS] = pose.range_bias_m;
+            Observation {
                 lines: lines.clone(),
                 pitch,
                 roll_rad: attitude.map(|a| a.roll_rad),
                 pitch_changes_rad: pitch_changes_rad.to_vec(),
                 start,
-            });
-            if self.observations.len() == KEPT {
-                let mut odd = false;
-                self.observations.retain(|_| {
-                    odd = !odd;
-                    odd
-                });
-                self.every = 2 * every;
             }
-        }
-        self.seen += 1;
+        });
     }
 
     /// The calibration of `frame`, with which the run's lines were extracted.
@@ -183,7 +173,7 @@ impl Calibrator {
         frame: &Frame,
         settings: &Settings,
     ) -> Result<Calibration, CalibrationError> {
-        let n = self.observations.len();
+        let n = self.observations.kept().len();
         if n < FEWEST {
             return Err(CalibrationError::TooFew(n));
         }
@@ -192,19 +182,15 @@ impl Calibrator {
         };
         let threshold = joint::threshold_mean(frame.calibration.hit_threshold);
         let footprint_scale = frame.calibration.footprint_scale;
-        let mut observations = self.observations.clone();
-        for observation in &mut observations {
-            observation.start[7] = threshold;
-            observation.start[8] = footprint_scale;
-        }
+        let observations = self.observations.kept();
         let options = Options {
             x_constant_sigma_m: settings.x_constant_sigma_m,
-            bias_spread_m: spread(observations.iter().map(|o| o.start[6])),
+            bias_spread_m: spread(observations.iter().map(|o| o.start[joint::BIAS])),
             threshold,
             footprint_scale,
         };
         let prior_sigmas = layout.prior_sigmas(&settings.survey);
-        let solution = bundle::adjust(&observations, frame, &prior_sigmas, &options)
+        let solution = bundle::adjust(observations, frame, &prior_sigmas, &options)
             .ok_or(CalibrationError::NoSolution)?;
         Ok(result::conclude(
             &solution,

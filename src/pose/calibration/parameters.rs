@@ -2,9 +2,11 @@
 //! they make.
 
 use super::super::joint::{hit_share, threshold_mean};
+use super::super::mounting::turned_by;
 use super::Survey;
-use crate::frame::{Frame, rotation_matrix};
-use nalgebra::{DVector, Matrix3, Rotation3};
+use crate::frame::Frame;
+use crate::record::Face;
+use nalgebra::{DVector, Rotation3};
 
 /// Parameters beside those of the strips.
 pub(super) const OTHERS: usize = 10;
@@ -109,12 +111,11 @@ pub(super) fn applied(frame: &Frame, by: &DVector<f64>, turned: Turned) -> Frame
     c.footprint_scale += other(FOOTPRINT);
     let turn = TURN.map(other);
     if turn != [0.0; 3] {
-        let turn = matrix(turn);
+        let turn = Rotation3::from_euler_angles(turn[0], turn[1], turn[2]);
         match turned {
-            Turned::Imu => frame.imu.rotation_deg = turned_by(turn, frame.imu.rotation_deg),
+            Turned::Imu => frame.imu.rotation_deg = turned_by(&turn, frame.imu.rotation_deg),
             Turned::Scanner => {
-                frame.scanner.rotation_deg =
-                    turned_by(turn.transpose(), frame.scanner.rotation_deg);
+                frame.scanner.rotation_deg = turned_by(&turn.inverse(), frame.scanner.rotation_deg);
             }
         }
     }
@@ -162,25 +163,12 @@ fn shared_x(a: Option<[f64; 2]>, b: Option<[f64; 2]>, half_x: f64) -> [f64; 2] {
     [a[0].max(b[0]), a[1].min(b[1])]
 }
 
-/// Roll, pitch, yaw of a mounting, deg, with a small turn in P put before it.
-fn turned_by(turn: Matrix3<f64>, mounting_deg: [f64; 3]) -> [f64; 3] {
-    let turned = turn * matrix(mounting_deg.map(f64::to_radians));
-    let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(turned).euler_angles();
-    [roll, pitch, yaw].map(f64::to_degrees)
-}
-
-fn matrix(rotation_rad: [f64; 3]) -> Matrix3<f64> {
-    let rows = rotation_matrix(rotation_rad);
-    Matrix3::from_fn(|i, j| rows[i][j])
-}
-
 /// Directions in the space of the parameters that move the frame as a whole, and no edge against
 /// another: no run shows them.
 ///
 /// The first is a common shift along x, under which an edge moves by its slope (dP = T); the second
 /// a common turn about the vertical (dP = T P on the ceiling, with the inclinations).
 pub(super) fn rigid_patterns(frame: &Frame) -> [DVector<f64>; 2] {
-    use crate::record::Face;
     let layout = Layout {
         strips: frame.strips.len(),
     };

@@ -1,31 +1,10 @@
 use super::equations::{OWN, Own, linearise};
 use super::parameters::{X_CONSTANT, geometry};
 use super::*;
-use crate::edges::EdgeMeter;
-use crate::lines::reflectors::{self, ReflectorFit};
+use crate::pose::staged::{all_lines, known, truth};
 use crate::record::Face;
-use crate::simulate::{Step, staged};
+use crate::simulate::staged;
 use nalgebra::DVector;
-
-/// Lines and edges of simulated scans, seen with `frame`.
-fn seen(frame: &Frame, steps: &[Step]) -> Vec<ReflectorLines> {
-    let mut fit = ReflectorFit::new(frame, reflectors::Options::default());
-    let mut edges = EdgeMeter::new(frame);
-    let lines = |step: &Step| {
-        let mut lines = ReflectorLines::default();
-        lines.begin(&step.scan);
-        let found = fit.fit(&step.scan).expect("three lines");
-        fit.record(&found, &mut lines);
-        edges.measure(&step.scan, &mut lines);
-        lines
-    };
-    steps.iter().map(lines).collect()
-}
-
-fn truth(step: &Step) -> [f64; 6] {
-    let ([x, y, z], [roll, pitch, yaw]) = (step.truth.position_m, step.truth.rotation_rad);
-    [x, y, z, roll, pitch, yaw]
-}
 
 fn options() -> Options {
     Options {
@@ -50,7 +29,7 @@ fn rows_are_the_finite_differences() {
     frame.scanner.rotation_deg = [0.4, -0.3, 0.7];
     let steps = staged::scattered(&frame, "none", 4, [0.8, 3.0], 5);
     let layout = Layout { strips: 12 };
-    for (step, mut lines) in steps.iter().zip(seen(&frame, &steps)) {
+    for (step, mut lines) in steps.iter().zip(all_lines(&frame, &steps)) {
         for (k, edge) in lines.edges.iter_mut().enumerate() {
             if k % 2 == 1 {
                 edge.edge_rad = 0.4 * edge.from_rad + 0.6 * edge.to_rad;
@@ -63,11 +42,7 @@ fn rows_are_the_finite_differences() {
         (own[6], own[7], own[8]) = (lines.range_bias_m, 0.05, 1.03);
         let observation = Observation {
             lines,
-            pitch: Some(Pitch {
-                rad: own[4],
-                sigma_rad: 0.001,
-                stale: false,
-            }),
+            pitch: Some(Pitch::within(own[4], 0.001)),
             roll_rad: Some(own[3]),
             pitch_changes_rad: vec![0.001; 40],
             start: own,
@@ -127,12 +102,8 @@ fn calibrated(errors_m: [[f64; 2]; 4], seed: u64) -> (Frame, Frame, Calibration)
     let steps = staged::scattered(&there, "reference,-remission", 200, [0.5, 4.0], seed);
     let mut solver = joint::Estimator::new(&surveyed, joint::Options::default());
     let mut calibrator = Calibrator::default();
-    for (step, lines) in steps.iter().zip(seen(&surveyed, &steps)) {
-        let pitch = Some(Pitch {
-            rad: step.truth.rotation_rad[1],
-            sigma_rad: 0.0,
-            stale: false,
-        });
+    for (step, lines) in steps.iter().zip(all_lines(&surveyed, &steps)) {
+        let pitch = known(step);
         let pose = solver.solve(&lines, pitch, &[]);
         calibrator.add(&lines, &pose, pitch, None, &[]);
     }
@@ -198,7 +169,7 @@ fn strips_are_found_and_what_no_run_shows_is_named() {
 fn a_platform_that_stands_is_one_scan() {
     let frame = staged::frame(&[]);
     let steps = staged::scattered(&frame, "reference", 1, [2.0, 2.0], 1);
-    let lines = &seen(&frame, &steps)[0];
+    let lines = &all_lines(&frame, &steps)[0];
     let pose = joint::Estimator::new(&frame, joint::Options::default()).solve(lines, None, &[]);
     let mut calibrator = Calibrator::default();
     for _ in 0..100 {

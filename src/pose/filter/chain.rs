@@ -14,7 +14,7 @@
 //!   now there, the scans have thresholds of their own, and what several of them say is worth more.
 
 use super::gaits::CRUISING;
-use super::state::{N, Nuisances, State, Step, VELOCITY};
+use super::state::{N, Nuisances, Square, State, Step, VELOCITY};
 use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
 use crate::pose::interval::{BoxFactor, Site, revise};
@@ -132,7 +132,7 @@ impl Node {
     pub(super) fn new(step: Step, points: Vec<Point>, boxes: Vec<EdgeBox>) -> Node {
         let nothing = Gaussian {
             mean: State::zeros(),
-            covariance: super::state::Square::zeros(),
+            covariance: Square::zeros(),
         };
         Node {
             step,
@@ -220,6 +220,45 @@ const SHARE: f64 = 0.8;
 /// Factors that change the state by less of its standard deviation have settled.
 const SETTLED: f64 = 1e-3;
 
+/// What a scan knows of the one behind it when the chain is gone over backwards.
+struct Behind {
+    smoothed: Gaussian<N>,
+    predicted: Gaussian<N>,
+    /// From the scan to the one behind it, and which components cruised on it.
+    step: Step,
+    cruises: [bool; 6],
+}
+
+impl Behind {
+    /// What hindsight of the scan behind is worth to a scan; none where rounding has spoilt the
+    /// prediction.
+    fn gain(&self, filtered: &Gaussian<N>, nuisances: &Nuisances) -> Option<Square> {
+        let carried = self.step.carry(&filtered.covariance, nuisances);
+        let factor = self.predicted.covariance.cholesky()?;
+        Some(factor.solve(&carried).transpose())
+    }
+
+    /// Expected square of the change of a component's velocity on the step.
+    fn squared_change(&self, smoothed: &Gaussian<N>, gain: &Square, component: usize) -> f64 {
+        let v = VELOCITY + component;
+        let shared = gain.row(v).dot(&self.smoothed.covariance.row(v));
+        let change = self.smoothed.mean[v] - smoothed.mean[v];
+        let squared =
+            change * change + self.smoothed.covariance[(v, v)] + smoothed.covariance[(v, v)]
+                - 2.0 * shared;
+        squared.max(0.0)
+    }
+}
+
+/// How a component's velocity changed while it cruised.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cruise {
+    /// Sum of the squared changes, each over what was expected of it.
+    found: f64,
+    /// Their number.
+    expected: f64,
+}
+
 /// Scans one after the other.
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
@@ -229,9 +268,8 @@ pub(super) struct Chain {
     nodes: VecDeque<Node>,
     /// Whether older steps have changed since the last pass.
     roused: bool,
-    /// Of each component: squared changes of velocity while it cruised, over what was expected of
-    /// one, and their number.
-    cruises: [[f64; 2]; 6],
+    /// Of each component, from the last pass backwards.
+    cruises: [Cruise; 6],
 }
 
 impl Chain {
@@ -241,7 +279,7 @@ impl Chain {
             nuisances,
             nodes: VecDeque::new(),
             roused: false,
-            cruises: [[0.0; 2]; 6],
+            cruises: [Cruise::default(); 6],
         }
     }
 
@@ -332,7 +370,7 @@ impl Chain {
         for _ in 0..passes {
             let mut change = self.backward(SHARE);
             for (component, scale) in scale.iter_mut().enumerate() {
-                let [found, expected] = self.cruises[component];
+                let Cruise { found, expected } = self.cruises[component];
                 if expected < LEARNING {
                     continue;
                 }
@@ -373,38 +411,33 @@ impl Chain {
     /// largest change.
     pub(super) fn backward(&mut self, share: f64) -> f64 {
         let mut change = 0.0f64;
-        let mut after: Option<(Gaussian<N>, Gaussian<N>, Step, [bool; 6])> = None;
-        self.cruises = [[0.0; 2]; 6];
+        let mut after: Option<Behind> = None;
+        self.cruises = [Cruise::default(); 6];
         for node in self.nodes.iter_mut().rev() {
             node.smoothed = node.filtered;
-            if let Some((smoothed, predicted, step, cruises)) = &after {
-                let carried = step.carry(&node.filtered.covariance, &self.nuisances);
-                // Where rounding has spoilt the covariance, the scan learns nothing from later ones.
-                if let Some(factor) = predicted.covariance.cholesky() {
-                    let gain = factor.solve(&carried).transpose();
-                    let off = smoothed.mean - predicted.mean;
-                    let less = smoothed.covariance - predicted.covariance;
-                    node.smoothed.mean += gain * off;
-                    let covariance = node.filtered.covariance + gain * less * gain.transpose();
-                    node.smoothed.covariance = 0.5 * (covariance + covariance.transpose());
-                    for k in (0..6).filter(|k| cruises[*k]) {
-                        let Gait::Moving { psd } = step.gaits[k] else {
-                            continue;
-                        };
-                        let v = VELOCITY + k;
-                        let shared = gain.row(v).dot(&smoothed.covariance.row(v));
-                        let change = smoothed.mean[v] - node.smoothed.mean[v];
-                        let squared = change * change
-                            + smoothed.covariance[(v, v)]
-                            + node.smoothed.covariance[(v, v)]
-                            - 2.0 * shared;
-                        self.cruises[k][0] += squared.max(0.0) / (psd * step.span_s.abs());
-                        self.cruises[k][1] += 1.0;
+            // Where rounding has spoilt the covariance, the scan learns nothing from later ones.
+            if let Some(behind) = &after
+                && let Some(gain) = behind.gain(&node.filtered, &self.nuisances)
+            {
+                let less = behind.smoothed.covariance - behind.predicted.covariance;
+                let covariance = node.filtered.covariance + gain * less * gain.transpose();
+                node.smoothed.covariance = 0.5 * (covariance + covariance.transpose());
+                node.smoothed.mean += gain * (behind.smoothed.mean - behind.predicted.mean);
+                for k in (0..6).filter(|k| behind.cruises[*k]) {
+                    if let Gait::Moving { psd } = behind.step.gaits[k] {
+                        let squared = behind.squared_change(&node.smoothed, &gain, k);
+                        self.cruises[k].found += squared / (psd * behind.step.span_s.abs());
+                        self.cruises[k].expected += 1.0;
                     }
                 }
             }
             change = change.max(refine(&mut node.smoothed, &mut node.boxes, 1, share));
-            after = Some((node.smoothed, node.predicted, node.step, node.cruises));
+            after = Some(Behind {
+                smoothed: node.smoothed,
+                predicted: node.predicted,
+                step: node.step,
+                cruises: node.cruises,
+            });
         }
         change
     }

@@ -20,7 +20,7 @@ use crate::motion::Gait;
 use crate::pose::gaussian::Gaussian;
 use crate::pose::joint::{self, Estimator, Measured, PITCH, Y, Z};
 use crate::pose::pitch::{self, Pitch};
-use crate::record::{Face, Pose, ReflectorLines, Stamp, Status, upper_index};
+use crate::record::{Pose, ReflectorLines, Stamp, Status, upper_index};
 use chain::{Chain, EdgeBox, EdgeName, Node, Point};
 use gaits::Gaits;
 use state::{LEAST_RAD, N, PITCH_ERROR, State, Step, widened};
@@ -81,27 +81,22 @@ struct Tracker {
     chain: Option<Chain>,
     gaits: Gaits,
     last: Option<Stamp>,
-    /// Standard deviation of the given pitch at the start, rad.
-    pitch_sigma_rad: Option<f64>,
+    /// Standard deviation of the constant part of the given pitches' error, as the chain began, rad.
+    constant_pitch_sigma_rad: f64,
     starts: u64,
     refused: u64,
 }
-
-/// A pitch that nobody gave and no strip tells, rad.
-const LEVEL_RAD: f64 = std::f64::consts::PI / 180.0;
-/// A pitch that the strips tell.
-const OPEN_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 
 impl Tracker {
     fn new(frame: &Frame, joint: joint::Options, options: Options) -> Tracker {
         Tracker {
             estimator: Estimator::new(frame, joint),
             options,
-            tells_pitch: frame.strips.iter().any(|s| s.face != Face::Upper),
+            tells_pitch: pitch::is_shown(frame),
             chain: None,
             gaits: Gaits::new(false),
             last: None,
-            pitch_sigma_rad: None,
+            constant_pitch_sigma_rad: 0.0,
             starts: 0,
             refused: 0,
         }
@@ -116,14 +111,9 @@ impl Tracker {
         pitch_changes_rad: &[f64],
         finished: &mut dyn FnMut(&mut Chain),
     ) -> (Pose, Fate) {
-        let unknown = |sigma_rad| Pitch {
-            rad: 0.0,
-            sigma_rad,
-            stale: false,
-        };
         // A pitch that nobody gave is measured as level where no strip tells it.
-        let measured = given.or((!self.tells_pitch).then_some(unknown(LEVEL_RAD)));
-        let alone = self.estimator.prior(&measured.unwrap_or(unknown(OPEN_RAD)));
+        let measured = given.or((!self.tells_pitch).then_some(Pitch::LEVEL));
+        let alone = self.estimator.prior(&measured.unwrap_or(Pitch::OPEN));
         let estimate = self.estimator.estimate(lines, &alone, pitch_changes_rad);
         let mut pose = self.estimator.pose(lines, &estimate);
         pose.status |= match (given, self.tells_pitch) {
@@ -146,59 +136,95 @@ impl Tracker {
             return (pose, Fate::Apart);
         }
         self.last = Some(lines.stamp);
-        let mut points = self.points(lines, posterior, measured);
-        let mut boxes = self.boxes(lines);
-        let known = span_s.filter(|s| *s > 0.0 && *s <= self.options.longest_gap_s);
-        if let (Some(span_s), Some(chain)) = (known, &mut self.chain)
-            && !jumps(chain, span_s, &pose)
-        {
-            self.gaits.see(span_s, &pose);
-            let mut step = Step {
-                span_s,
-                gaits: self.gaits.now(),
-            };
-            let mut predicted = chain.predict(&step);
-            let (off, variance) = differences(&predicted, &pose);
-            if self.gaits.compare(span_s, &off, &variance) {
-                step.gaits = self.gaits.now();
-                predicted = chain.predict(&step);
+        let near = span_s.filter(|s| *s > 0.0 && *s <= self.options.longest_gap_s);
+        let goes_on = |chain: &Chain| near.filter(|span_s| !jumps(chain, *span_s, &pose));
+        let span_s = self.chain.as_ref().and_then(goes_on);
+        if span_s.is_none() {
+            if let Some(chain) = &mut self.chain {
+                finished(chain);
             }
-            let newest = chain.newest_step().map(|step| step.gaits);
-            for (k, gait) in step.gaits.iter().enumerate() {
-                if *gait != Gait::Rest && newest.is_some_and(|gaits| gaits[k] == Gait::Rest) {
-                    chain.rouse(k, *gait);
+            self.begin(&alone, measured, given.is_some(), &mut pose);
+        }
+        let points = self.points(lines, posterior, measured);
+        let boxes = self.boxes(lines);
+        match span_s {
+            Some(span_s) => {
+                self.join(span_s, points, boxes, &mut pose);
+                (pose, Fate::Joined)
+            }
+            None => {
+                self.gaits.see(0.0, &pose);
+                let step = Step {
+                    span_s: 0.0,
+                    gaits: self.gaits.now(),
+                };
+                if let Some(chain) = &mut self.chain {
+                    chain.push(Node::new(step, points, boxes));
                 }
+                (pose, Fate::Started)
             }
-            if leave_out(&predicted, &mut points, &mut boxes) {
-                pose.status |= Status::EDGE_OUTLIER;
-            }
-            chain.push(Node::new(step, points, boxes));
-            let newest = *chain.newest();
-            let contradicted = |b: &EdgeBox| b.violation(&newest) > CONTRADICTION;
-            if step.is_rest() && chain.newest_boxes().iter().any(contradicted) {
-                self.gaits.disturb();
-            }
-            return (pose, Fate::Joined);
         }
-        if let Some(chain) = &mut self.chain {
-            finished(chain);
-        }
+    }
+
+    /// A new chain, before its first scan.
+    fn begin(
+        &mut self,
+        alone: &Gaussian<{ joint::STATE }>,
+        measured: Option<Pitch>,
+        has_imu: bool,
+        pose: &mut Pose,
+    ) {
         if self.starts > 0 {
             pose.status |= Status::RE_ACQUIRED;
         }
         self.starts += 1;
-        self.pitch_sigma_rad = measured.map(|p| p.sigma_rad);
-        self.gaits = Gaits::new(given.is_some());
-        self.gaits.see(0.0, &pose);
-        let prior = state::prior(&alone, self.pitch_sigma_rad, &self.options.nuisances);
-        let mut chain = Chain::new(prior, self.options.nuisances);
-        let step = Step {
-            span_s: 0.0,
+        // An IMU that is heard only later is as wrong as one that does not say how wrong it is.
+        self.constant_pitch_sigma_rad =
+            measured.map_or(pitch::Settings::UNSTATED_RAD, |p| p.sigma_rad);
+        self.gaits = Gaits::new(has_imu);
+        let nuisances = self.options.nuisances;
+        let constant = self.constant_pitch_sigma_rad;
+        let prior = state::prior(alone, measured.is_some(), constant, &nuisances);
+        self.chain = Some(Chain::new(prior, nuisances));
+    }
+
+    /// Takes a scan, `span_s` after the last one, into the chain.
+    fn join(
+        &mut self,
+        span_s: f64,
+        mut points: Vec<Point>,
+        mut boxes: Vec<EdgeBox>,
+        pose: &mut Pose,
+    ) {
+        let Some(chain) = &mut self.chain else {
+            return;
+        };
+        self.gaits.see(span_s, pose);
+        let mut step = Step {
+            span_s,
             gaits: self.gaits.now(),
         };
+        let mut predicted = chain.predict(&step);
+        let (off, variance) = differences(&predicted, pose);
+        if self.gaits.compare(span_s, &off, &variance) {
+            step.gaits = self.gaits.now();
+            predicted = chain.predict(&step);
+        }
+        let before = chain.newest_step().map(|step| step.gaits);
+        for (k, gait) in step.gaits.iter().enumerate() {
+            if *gait != Gait::Rest && before.is_some_and(|gaits| gaits[k] == Gait::Rest) {
+                chain.rouse(k, *gait);
+            }
+        }
+        if leave_out(&predicted, &mut points, &mut boxes) {
+            pose.status |= Status::EDGE_OUTLIER;
+        }
         chain.push(Node::new(step, points, boxes));
-        self.chain = Some(chain);
-        (pose, Fate::Started)
+        let newest = chain.newest();
+        let contradicted = |b: &EdgeBox| b.violation(newest) > CONTRADICTION;
+        if step.is_rest() && chain.newest_boxes().iter().any(contradicted) {
+            self.gaits.disturb();
+        }
     }
 
     /// The scan's Gaussian measurements.
@@ -220,7 +246,7 @@ impl Tracker {
             .collect();
         if let Some(pitch) = pitch {
             // Its error is a constant; what a single sample is worse than the first one is its own.
-            let constant = self.pitch_sigma_rad.unwrap_or(pitch.sigma_rad);
+            let constant = self.constant_pitch_sigma_rad;
             let own = (pitch.sigma_rad * pitch.sigma_rad - constant * constant).max(0.0);
             let mut row = State::zeros();
             row[PITCH] = 1.0;

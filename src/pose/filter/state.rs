@@ -142,10 +142,12 @@ impl Step {
 }
 
 /// What is known before the first scan. `alone` is what the joint estimator knows before a scan of
-/// its own, its pitch being free if `pitch_sigma_rad` is that of a measurement with a constant error.
+/// its own. Its pitch is free where the scan brings a measured one, as another measurement, whose
+/// constant error has the standard deviation `constant_pitch_sigma_rad`.
 pub(super) fn prior(
     alone: &Gaussian<{ joint::STATE }>,
-    pitch_sigma_rad: Option<f64>,
+    pitch_is_measured: bool,
+    constant_pitch_sigma_rad: f64,
     nuisances: &Nuisances,
 ) -> Gaussian<N> {
     let mut mean = State::zeros();
@@ -157,13 +159,13 @@ pub(super) fn prior(
     for (k, sigma) in sigma.iter_mut().enumerate().take(joint::STATE) {
         *sigma = alone.sigma(k);
     }
-    if pitch_sigma_rad.is_some() {
+    if pitch_is_measured {
         sigma[joint::PITCH] = ANY_TILT_RAD;
     }
     sigma[BIAS] = ANY_BIAS_M;
     sigma[THRESHOLD] = nuisances.threshold_scan_sigma;
     sigma[FOOTPRINT] = nuisances.footprint_sigma;
-    sigma[PITCH_ERROR] = pitch_sigma_rad.unwrap_or(0.0).max(LEAST_RAD);
+    sigma[PITCH_ERROR] = constant_pitch_sigma_rad.max(LEAST_RAD);
     sigma[COMMON_THRESHOLD] = nuisances.threshold_sigma;
     sigma[VELOCITY..].copy_from_slice(&ANY_VELOCITY);
     Gaussian::independent(mean.into(), sigma)

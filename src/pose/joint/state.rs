@@ -1,7 +1,7 @@
 //! The estimator's state and its priors.
 
 use super::Options;
-use crate::frame::Frame;
+use crate::frame::{Frame, disc_centre, disc_share};
 use crate::pose::gaussian::Gaussian;
 use crate::pose::pitch::Pitch;
 use nalgebra::SVector;
@@ -73,27 +73,14 @@ pub(super) fn prior(
     )
 }
 
-/// By how many spot radii the spot's centre is outside a strip when a share of it is inside:
-/// the root of F(-q) = share, F(q) = 1/2 + (q sqrt(1 - q^2) + asin q)/pi.
+/// By how many spot radii the spot's centre is outside a strip when a share of it is inside.
 pub(in crate::pose) fn threshold_mean(share: f64) -> f64 {
-    let inside = |q: f64| hit_share(-q);
-    let (mut low, mut high) = (-1.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if inside(-middle) > share {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-    0.5 * (low + high)
+    -disc_centre(share)
 }
 
-/// The share of the spot that is inside a strip when its centre is `outside` spot radii off it:
-/// F(-outside).
+/// The share of the spot that is inside a strip when its centre is `outside` spot radii off it.
 pub(in crate::pose) fn hit_share(outside: f64) -> f64 {
-    let q = (-outside).clamp(-1.0, 1.0);
-    0.5 + (q * (1.0 - q * q).sqrt() + q.asin()) / std::f64::consts::PI
+    disc_share(-outside).0
 }
 
 /// Keeps a linearisation point where the geometry makes sense.

@@ -1,42 +1,16 @@
 use super::state::threshold_mean;
 use super::*;
-use crate::edges::EdgeMeter;
-use crate::lines::reflectors::{self, ReflectorFit};
 use crate::motion::{self, Motion, State};
-use crate::record::{Axes, EdgeKind, Stamp};
+use crate::pose::staged::{errors, known, lines_of};
+use crate::record::{EdgeKind, Face, Stamp};
 use crate::simulate::staged::{frame, scattered};
-use crate::simulate::{Course, Parameters, Seed, Setup, Simulator, Step};
+use crate::simulate::{Course, Seed, Setup, Simulator, Step};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
-fn lines_of(frame: &Frame, step: &Step) -> ReflectorLines {
-    let mut fit = ReflectorFit::new(frame, reflectors::Options::default());
-    let mut lines = ReflectorLines::default();
-    lines.begin(&step.scan);
-    let found = fit.fit(&step.scan).expect("lines");
-    fit.record(&found, &mut lines);
-    EdgeMeter::new(frame).measure(&step.scan, &mut lines);
-    lines
-}
-
 fn solve(lines: &ReflectorLines, frame: &Frame, pitch: Option<Pitch>, options: &Options) -> Pose {
     Estimator::new(frame, *options).solve(lines, pitch, &[])
-}
-
-fn known(step: &Step) -> Option<Pitch> {
-    Some(Pitch {
-        rad: step.truth.rotation_rad[1],
-        sigma_rad: 0.0,
-        stale: false,
-    })
-}
-
-fn errors(step: &Step, pose: &Pose) -> [f64; 6] {
-    let [x, y, z] = step.truth.position_m;
-    let [roll, pitch, yaw] = step.truth.rotation_rad;
-    let truth = [x, y, z, roll, pitch, yaw];
-    std::array::from_fn(|k| pose.components()[k] - truth[k])
 }
 
 #[test]
@@ -136,7 +110,6 @@ fn the_estimate_is_the_mean_of_the_exact_posterior() {
         spread.0 += pose.cov(0, 0).sqrt() / x_sd;
         spread.1 += pose.cov(5, 5).sqrt() / yaw_sd;
     }
-    eprintln!("{off:?} {spread:?} {n}");
     // In units of the posterior's own width.
     assert!((off.0 / n).sqrt() < 0.25, "x off {}", (off.0 / n).sqrt());
     assert!((off.1 / n).sqrt() < 0.25, "yaw off {}", (off.1 / n).sqrt());
@@ -212,11 +185,7 @@ fn nees_with_pitch(sigma_deg: f64, effects: &str, seed: u64) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for step in &steps {
         let z: f64 = StandardNormal.sample(&mut random);
-        let imu = Pitch {
-            rad: step.truth.rotation_rad[1] + sigma_rad * z,
-            sigma_rad,
-            stale: false,
-        };
+        let imu = Pitch::within(step.truth.rotation_rad[1] + sigma_rad * z, sigma_rad);
         let lines = lines_of(&frame, step);
         let pose = solve(&lines, &frame, Some(imu), &Options::default());
         let e = errors(step, &pose);
@@ -290,23 +259,16 @@ fn each_edge_has_the_pitch_of_its_own_instant() {
             per_s: 2.0 * std::f64::consts::PI * 5.3,
         })
     };
-    let model = crate::frame::ScannerModel::by_name("lms511-hr").unwrap();
+    let course = Course::Moving {
+        truth: nodding(),
+        desired: nodding(),
+        lag_s: 0.0,
+    };
     let mut simulator = Simulator::new(Setup {
-        frame: frame.clone(),
-        model,
-        mode: model.modes[0],
-        course: Course::Moving {
-            truth: nodding(),
-            desired: nodding(),
-            lag_s: 0.0,
-        },
         effects: "reference,motion".parse().unwrap(),
-        parameters: Parameters::default(),
         seed: Seed(44),
-        start: Stamp::from_ns(0),
         scans: Some(200),
-        imu_rate_hz: None,
-        imu_axes: Axes::Platform,
+        ..Setup::new(frame.clone(), course)
     });
     let (mut frozen, mut followed, mut n) = ([0.0; 2], [0.0; 2], 0.0);
     while let Some(step) = simulator.advance() {
@@ -329,7 +291,6 @@ fn each_edge_has_the_pitch_of_its_own_instant() {
     }
     let rms = |sums: [f64; 2]| sums.map(|sum| (sum / n).sqrt());
     let (frozen, followed) = (rms(frozen), rms(followed));
-    eprintln!("{followed:?} {frozen:?}");
     assert!(
         followed[1] < 0.6 * frozen[1] && followed[1] < 0.11f64.to_radians(),
         "yaw {followed:?}, frozen {frozen:?}"
@@ -341,11 +302,7 @@ fn without_an_imu_the_platform_is_level_and_x_uncertain() {
     let frame = frame(&[]);
     let step = &scattered(&frame, "reference", 1, [2.0, 2.1], 34)[0];
     let lines = lines_of(&frame, step);
-    let level = Some(Pitch {
-        rad: 0.0,
-        sigma_rad: 0.0,
-        stale: false,
-    });
+    let level = Some(Pitch::exact(0.0));
     let (given, assumed) = (
         solve(&lines, &frame, level, &Options::default()),
         solve(&lines, &frame, None, &Options::default()),

@@ -239,15 +239,10 @@ fn place(
         count: beams.count,
     };
     let [y_m, z_m] = layout.centre_m(index);
-    let tilt_rad = args.tilt_deg.to_radians();
-    let tilt = |u: f64| tilt_rad * (2.0 * u - 1.0);
     let mut place = Place::at([y_m, z_m]);
-    for [a, b, c, d] in information::spread(args.poses as usize) {
-        let [from, to] = args.x_range;
-        // Beams fall on edges in another way every few centimetres.
-        let beside = 0.04 * ((7.0 * a).fract() - 0.5);
-        let position_m = [from + a * (to - from), y_m + beside, z_m];
-        let rotation_rad = [tilt(b), tilt(c), tilt(d)];
+    let (tilt_rad, count) = (args.tilt_deg.to_radians(), args.poses as usize);
+    let poses = information::poses_at([y_m, z_m], args.x_range, tilt_rad, count);
+    for [position_m, rotation_rad] in poses {
         let seen = frame::seen(frame, beams, position_m, rotation_rad);
         let variances = information::of_scan(frame, &fan, position_m, rotation_rad, assumed);
         place.add(&seen, variances);

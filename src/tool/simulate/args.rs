@@ -382,7 +382,10 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
     let usage = |error: scanner::ModeError| Fault::Usage(error.to_string());
     let model = scanner::model(&frame, args.model.as_deref()).map_err(usage)?;
     let mode = scanner::mode(model, args.frequency_hz, args.resolution_deg).map_err(usage)?;
-    if args.imu_rate_hz.is_some_and(|hz| hz.is_nan() || hz <= 0.0) {
+    if args
+        .imu_rate_hz
+        .is_some_and(|hz| !(hz > 0.0 && hz.is_finite()))
+    {
         return Err(Fault::Usage("--imu-rate-hz must be above 0".into()).into());
     }
     let now_ns = || {
@@ -395,6 +398,7 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
         None => START_NS,
     };
     Ok(Setup {
+        parameters: parameters(args, &frame)?,
         course: robot::through(
             &args.robot,
             course(&args.course, args.n_scans, Seed(args.seed), options)?,
@@ -403,7 +407,6 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
         model,
         mode,
         effects: args.effects,
-        parameters: parameters(args)?,
         seed: Seed(args.seed),
         start: Stamp::from_ns(start_ns),
         scans: args.n_scans,
@@ -412,7 +415,8 @@ pub(super) fn setup(args: &Args, frame: Frame, options: &Options) -> anyhow::Res
     })
 }
 
-pub(super) fn parameters(args: &Args) -> anyhow::Result<Parameters> {
+/// The effects' sizes.
+pub(super) fn parameters(args: &Args, frame: &Frame) -> anyhow::Result<Parameters> {
     let mut parameters = match &args.effects_file {
         None => Parameters::default(),
         Some(path) => {
@@ -463,7 +467,7 @@ pub(super) fn parameters(args: &Args) -> anyhow::Result<Parameters> {
         }
     }
     parameters
-        .check()
+        .check(frame)
         .map_err(|error| Fault::Configuration(error.to_string()))?;
     Ok(parameters)
 }
@@ -480,8 +484,12 @@ fn course(
         args.acceleration_m_s2,
         args.jerk_m_s3,
     ];
-    if positive.iter().any(|v| v.is_nan() || *v <= 0.0) || args.scans_per_pose == 0 {
+    if !positive.iter().all(|v| *v > 0.0 && v.is_finite()) || args.scans_per_pose == 0 {
         let message = "step, speed, acceleration, jerk and scans per pose must be above 0";
+        return Err(Fault::Usage(message.into()).into());
+    }
+    if !(args.tilt_deg >= 0.0 && args.tilt_deg.is_finite() && args.wobble_hz.is_finite()) {
+        let message = "--tilt-deg must not be negative, and --wobble-hz a number";
         return Err(Fault::Usage(message.into()).into());
     }
     let stations = |poses| Course::Stations {

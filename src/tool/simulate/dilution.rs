@@ -1,16 +1,15 @@
 //! `simulate --dilution`: how well single scans can tell the pose over the workspace, predicted from
 //! the information in them; no scan is simulated.
 
-use super::args::{self, Args};
+use super::args::{self, Args, CourseArgs};
 use crate::frame::Frame;
-use crate::pose::information::{self, Assumptions, EdgeModel, Fan};
+use crate::pose::information::{self, Assumptions, EdgeModel, Fan, Remissions};
 use crate::record::text::push_f64;
-use crate::report::{AXES, Cells, Layout, dilution};
+use crate::report::{AXES, Axis, Cells, Layout, dilution};
 use crate::simulate::parameters::Remission;
 use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
-use std::io::Write;
 
 /// The command line's part.
 #[derive(Debug, clap::Args)]
@@ -52,141 +51,155 @@ impl Place {
     fn sigma(&self, k: usize) -> f64 {
         (self.variances[k] / f64::from(self.told)).sqrt()
     }
-
-    fn add(&mut self, other: &Place) {
-        self.tried += other.tried;
-        self.told += other.told;
-        for (sum, more) in self.variances.iter_mut().zip(other.variances) {
-            *sum += more;
-        }
-    }
 }
+
+/// The most places of a map.
+const MOST_PLACES: usize = 1_000_000;
 
 /// Runs the tool with `--dilution`.
 pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let (frame, _) = args.read_frame()?;
+    let (mut frame, _) = args.read_frame()?;
     let options = args.common.options("simulate")?;
-    let parameters = args::parameters(args)?;
-    let usage = |error: scanner::ModeError| Fault::Usage(error.to_string());
-    let model = scanner::model(&frame, args.model.as_deref()).map_err(usage)?;
-    let mode = scanner::mode(model, args.frequency_hz, args.resolution_deg).map_err(usage)?;
-    let beams = Scanner::new(&frame, model, mode);
-    let fan = Fan {
-        angle_min_rad: beams.angle_min_rad(),
-        step_rad: beams.angle_rad(1) - beams.angle_rad(0),
-        count: beams.count(),
-    };
-    let mut frame = frame;
-    frame.scanner.model = model.name.to_owned();
-    let assumed = assumptions(args, &parameters);
-    let course = &args.course;
-    if !(course.step_m > 0.0) {
-        return Err(Fault::Usage("--step-m must be above 0".into()).into());
-    }
-    let (ys, zs) = (
-        places(course.y_range, course.step_m),
-        places(course.z_range, course.step_m),
-    );
+    let assumed = assumptions(args, &args::parameters(args, &frame)?);
+    let fan = fan(args, &mut frame)?;
+    let positions = positions(&args.course)?;
     let stop = Stop::install()?;
-    let mut out = dilution_output(options.output.as_deref())?;
+    let out = WholeFile::open(options.output.as_deref())?;
     let html = args.dilution.dilution_html.as_deref();
     let html = html.map(|path| WholeFile::open(Some(path))).transpose()?;
-    let mut text = Vec::new();
-    let names = AXES.iter().take(6).map(|axis| match axis.unit {
-        "mm" => format!("{}_sigma_m", axis.name),
-        _ => format!("{}_sigma_rad", axis.name),
-    });
-    let names: Vec<String> = names.collect();
-    writeln!(text, "y_m,z_m,poses,told,{}", names.join(","))?;
-    let positions: Vec<[f64; 2]> = zs
-        .iter()
-        .flat_map(|z| ys.iter().map(|y| [*y, *z]))
-        .collect();
-    let layout = Layout::for_positions(&positions, Some(course.step_m));
-    let mut cells = layout.map(Cells::new);
-    let mut all = Place::default();
-    let mut worst = [0.0f64; 6];
-    for [y_m, z_m] in positions {
+    let mut map = Map::new(&positions, args.course.step_m);
+    for at in positions {
         if stop.requested() {
             break;
         }
-        let place = place(args, &frame, &fan, [y_m, z_m], &assumed);
-        push_f64(&mut text, y_m);
-        text.push(b',');
-        push_f64(&mut text, z_m);
-        write!(text, ",{},{}", place.tried, place.told)?;
-        let sigmas: [f64; 6] = std::array::from_fn(|k| place.sigma(k));
-        for sigma in sigmas {
-            text.push(b',');
-            if sigma.is_finite() {
-                push_f64(&mut text, sigma);
-            }
-        }
-        text.push(b'\n');
-        out.write_all(&text)?;
-        text.clear();
-        if let Some(cells) = &mut cells {
-            cells.add([y_m, z_m], &sigmas, 0, None);
-        }
-        for (worst, sigma) in worst.iter_mut().zip(sigmas) {
-            *worst = worst.max(sigma);
-        }
-        all.add(&place);
+        map.add(at, &place(args, &frame, &fan, at, &assumed));
     }
-    out.finish()?;
+    out.finish(&map.text)?;
     if !options.quiet {
-        eprint!("{}", summary(&all, &worst, &assumed));
+        eprint!("{}", summary(&map, &assumed));
     }
-    if let (Some(html), Some(cells)) = (html, &cells) {
+    if let (Some(html), Some(cells)) = (html, &map.cells) {
         let title = format!("What one scan can tell in {}", frame.name);
         let page = dilution::page(&title, &conditions(&assumed), cells);
         html.finish(&page)?;
     }
+    stop.check(u64::from(map.tried))?;
     Ok(Outcome::Done)
 }
 
-/// Where the map goes: stdout, or a file that is there whole or not at all.
-fn dilution_output(path: Option<&std::path::Path>) -> anyhow::Result<TextOutput> {
-    let io = |path: &std::path::Path, error: std::io::Error| {
-        anyhow::anyhow!("{}: {error}", path.display())
-    };
-    Ok(match path.filter(|p| p.as_os_str() != "-") {
-        None => TextOutput::Stdout(std::io::BufWriter::new(std::io::stdout())),
-        Some(path) => {
-            let mut partial = path.as_os_str().to_owned();
-            partial.push(".partial");
-            let partial = std::path::PathBuf::from(partial);
-            let file = std::fs::File::create(&partial).map_err(|e| io(&partial, e))?;
-            TextOutput::File(std::io::BufWriter::new(file), partial, path.to_owned())
-        }
+/// The beams asked for; the frame gets the model that they belong to.
+fn fan(args: &Args, frame: &mut Frame) -> anyhow::Result<Fan> {
+    let usage = |error: scanner::ModeError| Fault::Usage(error.to_string());
+    let model = scanner::model(frame, args.model.as_deref()).map_err(usage)?;
+    let mode = scanner::mode(model, args.frequency_hz, args.resolution_deg).map_err(usage)?;
+    let beams = Scanner::new(frame, model, mode);
+    frame.scanner.model = model.name.to_owned();
+    Ok(Fan {
+        angle_min_rad: beams.angle_min_rad(),
+        step_rad: mode.step_rad(),
+        count: beams.count(),
     })
 }
 
-enum TextOutput {
-    Stdout(std::io::BufWriter<std::io::Stdout>),
-    File(
-        std::io::BufWriter<std::fs::File>,
-        std::path::PathBuf,
-        std::path::PathBuf,
-    ),
+/// The map's places (y, z), m: row after row from the bottom.
+fn positions(course: &CourseArgs) -> anyhow::Result<Vec<[f64; 2]>> {
+    let step_m = course.step_m;
+    if !(step_m > 0.0) {
+        return Err(Fault::Usage("--step-m must be above 0".into()).into());
+    }
+    if !(course.tilt_deg >= 0.0 && course.tilt_deg.is_finite()) {
+        return Err(Fault::Usage("--tilt-deg must not be negative".into()).into());
+    }
+    // Both ends are included where they fit.
+    let count = |[from, to]: [f64; 2]| ((to - from) / step_m + 1e-9).floor() as usize + 1;
+    let (columns, rows) = (count(course.y_range), count(course.z_range));
+    let places = columns.saturating_mul(rows);
+    if places > MOST_PLACES {
+        let text = format!("--step-m {step_m}: {places} places are more than {MOST_PLACES}");
+        return Err(Fault::Usage(text).into());
+    }
+    let along = |[from, _]: [f64; 2], k: usize| from + k as f64 * step_m;
+    let row =
+        |z: usize| (0..columns).map(move |y| [along(course.y_range, y), along(course.z_range, z)]);
+    Ok((0..rows).flat_map(row).collect())
 }
 
-impl TextOutput {
-    fn write_all(&mut self, text: &[u8]) -> std::io::Result<()> {
-        match self {
-            TextOutput::Stdout(out) => out.write_all(text),
-            TextOutput::File(out, ..) => out.write_all(text),
+/// What is written: a row a place, and what all places have in common.
+struct Map {
+    text: Vec<u8>,
+    cells: Option<Cells>,
+    /// y and z, m, of the first place and the last.
+    corners_m: [[f64; 2]; 2],
+    tried: u32,
+    told: u32,
+    /// Sums over the area: of the variances of each component, and of their weights.
+    variances: [f64; 6],
+    weight: f64,
+    /// Largest standard deviation of each component in any place.
+    worst: [f64; 6],
+}
+
+impl Map {
+    fn new(positions: &[[f64; 2]], step_m: f64) -> Map {
+        let name = |axis: &Axis| match axis.unit {
+            "mm" => format!("{}_sigma_m", axis.name),
+            _ => format!("{}_sigma_rad", axis.name),
+        };
+        let names: Vec<String> = AXES.iter().take(6).map(name).collect();
+        Map {
+            text: format!("y_m,z_m,poses,told,{}\n", names.join(",")).into_bytes(),
+            cells: Layout::for_positions(positions, Some(step_m)).map(Cells::new),
+            corners_m: [positions.first(), positions.last()].map(|at| *at.unwrap_or(&[0.0; 2])),
+            tried: 0,
+            told: 0,
+            variances: [0.0; 6],
+            weight: 0.0,
+            worst: [0.0; 6],
         }
     }
 
-    fn finish(self) -> std::io::Result<()> {
-        match self {
-            TextOutput::Stdout(mut out) => out.flush(),
-            TextOutput::File(mut out, partial, path) => {
-                out.flush()?;
-                std::fs::rename(partial, path)
+    fn add(&mut self, [y_m, z_m]: [f64; 2], place: &Place) {
+        let text = &mut self.text;
+        push_f64(text, y_m);
+        text.push(b',');
+        push_f64(text, z_m);
+        text.extend_from_slice(format!(",{},{}", place.tried, place.told).as_bytes());
+        let sigmas: [f64; 6] = std::array::from_fn(|k| place.sigma(k));
+        for (sigma, worst) in sigmas.into_iter().zip(&mut self.worst) {
+            text.push(b',');
+            if sigma.is_finite() {
+                push_f64(text, sigma);
+            }
+            *worst = worst.max(sigma);
+        }
+        text.push(b'\n');
+        if let Some(cells) = &mut self.cells {
+            cells.add([y_m, z_m], &sigmas, 0, None);
+        }
+        self.tried += place.tried;
+        self.told += place.told;
+        let weight = f64::from(place.told) * self.share([y_m, z_m]);
+        for (sum, sigma) in self.variances.iter_mut().zip(sigmas) {
+            if sigma.is_finite() {
+                *sum += weight * sigma * sigma;
             }
         }
+        self.weight += weight;
+    }
+
+    /// Root of the mean variance of a component over the map's area; NaN where no pose is told.
+    fn rms(&self, k: usize) -> f64 {
+        (self.variances[k] / self.weight).sqrt()
+    }
+
+    /// The share of a cell that a place stands for: the rest of one at the map's rim is outside.
+    fn share(&self, at_m: [f64; 2]) -> f64 {
+        let [first, last] = self.corners_m;
+        let along = |k: usize| {
+            let rim = at_m[k] == first[k] || at_m[k] == last[k];
+            if rim && first[k] != last[k] { 0.5 } else { 1.0 }
+        };
+        along(0) * along(1)
     }
 }
 
@@ -213,48 +226,26 @@ fn assumptions(args: &Args, parameters: &Parameters) -> Assumptions {
 
 /// Edges by remission, as the simulator has it.
 pub(in crate::tool) fn by_remission(remission: &Remission) -> EdgeModel {
-    EdgeModel::Remission {
+    EdgeModel::Remission(Remissions {
         noise: remission.noise,
         contrast: remission.contrast,
         floor: 1.0 / remission.digits / 12f64.sqrt(),
-    }
+    })
 }
 
-/// Evenly spaced coordinates of a range, both ends included where they fit.
-fn places([from, to]: [f64; 2], step: f64) -> Vec<f64> {
-    let count = ((to - from) / step + 1e-9).floor().clamp(0.0, 1e5) as usize;
-    (0..=count).map(|k| from + k as f64 * step).collect()
-}
-
-/// The poses of one place: their x, roll, pitch and yaw over the ranges asked for, and y and z over
-/// the cell.
-fn place(
-    args: &Args,
-    frame: &Frame,
-    fan: &Fan,
-    [y_m, z_m]: [f64; 2],
-    assumed: &Assumptions,
-) -> Place {
+/// What the poses of a place can tell.
+fn place(args: &Args, frame: &Frame, fan: &Fan, at_m: [f64; 2], assumed: &Assumptions) -> Place {
     let course = &args.course;
-    let tilt_rad = course.tilt_deg.to_radians();
-    let within = |u: f64, [low, high]: [f64; 2]| low + u * (high - low);
-    let tilt = |u: f64| within(u, [-tilt_rad, tilt_rad]);
-    // Beams fall on edges in another way every few centimetres.
-    let beside = |u: f64| within(u, [-0.02, 0.02]);
+    let count = args.dilution.dilution_poses as usize;
     let mut place = Place::default();
-    for [a, b, c, d] in information::spread(args.dilution.dilution_poses as usize) {
-        let position_m = [
-            within(a, course.x_range),
-            y_m + beside((7.0 * a).fract()),
-            z_m,
-        ];
-        let rotation_rad = [tilt(b), tilt(c), tilt(d)];
+    let poses = information::poses_at(at_m, course.x_range, course.tilt_deg.to_radians(), count);
+    for [position_m, rotation_rad] in poses {
         place.tried += 1;
         let found = information::of_scan(frame, fan, position_m, rotation_rad, assumed);
         if let Some(variances) = found {
             place.told += 1;
-            for (k, sum) in place.variances.iter_mut().enumerate() {
-                *sum += variances[k];
+            for (sum, variance) in place.variances.iter_mut().zip(variances) {
+                *sum += variance;
             }
         }
     }
@@ -264,11 +255,10 @@ fn place(
 fn conditions(assumed: &Assumptions) -> String {
     let edges = match assumed.edges {
         EdgeModel::Ranges => "edges by ranges, sharp".to_owned(),
-        EdgeModel::Remission {
-            noise, contrast, ..
-        } => format!(
-            "edges by remission, noise {:.1} %, contrast {contrast}",
-            noise * 100.0
+        EdgeModel::Remission(remissions) => format!(
+            "edges by remission, noise {:.1} %, contrast {}",
+            remissions.noise * 100.0,
+            remissions.contrast
         ),
     };
     let pitch = match assumed.pitch_sigma_rad {
@@ -281,21 +271,45 @@ fn conditions(assumed: &Assumptions) -> String {
     )
 }
 
-fn summary(all: &Place, worst: &[f64; 6], assumed: &Assumptions) -> String {
+fn summary(map: &Map, assumed: &Assumptions) -> String {
     let mut text = format!(
         "simulate: least standard deviations of one scan: {}; {} of {} poses can be told\n",
         conditions(assumed),
-        all.told,
-        all.tried
+        map.told,
+        map.tried
     );
     for (k, axis) in AXES.iter().take(6).enumerate() {
         text += &format!(
             "simulate: {:<5} rms {:>9.4} {}, worst place {:>9.4}\n",
             axis.name,
-            all.sigma(k) * axis.factor,
+            map.rms(k) * axis.factor,
             axis.unit,
-            worst[k] * axis.factor
+            map.worst[k] * axis.factor
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_is_that_of_the_area() {
+        let place = |variance: f64| Place {
+            tried: 2,
+            told: 2,
+            variances: [2.0 * variance; 6],
+        };
+        let row = [[0.0, 5.0], [1.0, 5.0], [2.0, 5.0]];
+        let mut map = Map::new(&row, 1.0);
+        for (at, variance) in row.into_iter().zip([1.0, 4.0, 3.0]) {
+            map.add(at, &place(variance));
+        }
+        assert!((map.rms(0).powi(2) - (0.5 * 1.0 + 4.0 + 0.5 * 3.0) / 2.0).abs() < 1e-12);
+        assert!((map.worst[0] - 2.0).abs() < 1e-12);
+        // Corners are a quarter.
+        let square = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+        assert_eq!(square.map(|at| Map::new(&square, 1.0).share(at)), [0.25; 4]);
+    }
 }

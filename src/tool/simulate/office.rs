@@ -1,14 +1,13 @@
 //! `simulate --scene office`: scans of an office floor and its true lines.
 
-use super::Args;
 use super::args::START_NS;
+use super::{Args, side_output};
 use crate::record::Stamp;
 use crate::simulate::Seed;
 use crate::simulate::office::{Errors, Office, Setup, View};
 use crate::stream::{Encoding, Fault, Outcome, Output, Stop};
 use crate::tool::common::Format;
 use clap::parser::ValueSource;
-use std::path::PathBuf;
 
 /// A scene that is no frame.
 #[derive(Debug, clap::Args)]
@@ -35,8 +34,8 @@ fn parse_view(text: &str) -> Result<View, String> {
 /// Scans unless told otherwise: as many as in the published comparison.
 const SCANS: u64 = 100;
 
-/// The options that the scene takes, beside the streams'.
-const OPTIONS: [&str; 9] = [
+/// The options that the scene takes.
+const OPTIONS: [&str; 20] = [
     "scene",
     "view",
     "seed",
@@ -46,8 +45,6 @@ const OPTIONS: [&str; 9] = [
     "scans_per_pose",
     "sigma_mm",
     "outlier_share",
-];
-const MORE_OPTIONS: [&str; 10] = [
     "dropout_share",
     "output",
     "format",
@@ -55,6 +52,7 @@ const MORE_OPTIONS: [&str; 10] = [
     "skip_bad",
     "from",
     "to",
+    "meta",
     "quiet",
     "verbose",
     "serving",
@@ -62,11 +60,10 @@ const MORE_OPTIONS: [&str; 10] = [
 
 /// Refuses an option of a frame, which would have no effect.
 pub(super) fn refuse_foreign(written: &clap::ArgMatches) -> Result<(), Fault> {
-    let mine = |option: &str| OPTIONS.contains(&option) || MORE_OPTIONS.contains(&option);
     let foreign = written.ids().map(clap::Id::as_str).find(|option| {
         let is_written = written.value_source(option) == Some(ValueSource::CommandLine);
         // Groups have capital letters and no option of their own.
-        is_written && !mine(option) && !option.starts_with(char::is_uppercase)
+        is_written && !OPTIONS.contains(&option) && !option.starts_with(char::is_uppercase)
     });
     foreign.map_or(Ok(()), |option| {
         let option = option.replace('_', "-");
@@ -83,19 +80,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut options = args.common.options("simulate")?;
     options.seed = Some(args.seed);
     let stop = Stop::install()?;
-    let mut truth = args
-        .truth
-        .as_ref()
-        .map(|path: &PathBuf| {
-            let is_mcap = path.extension().is_some_and(|e| e == "mcap");
-            let encoding = if is_mcap {
-                Encoding::Mcap
-            } else {
-                Encoding::Csv
-            };
-            Output::create(path, encoding, &options)
-        })
-        .transpose()?;
+    let mut truth = side_output(args.truth.as_deref(), &options)?;
     let mut main = Output::open(&options)?;
     let mut office = Office::new(setup(args)?);
     while !stop.requested() {

@@ -83,8 +83,7 @@ fn held(winches: &Winches, desired: &dyn Motion) -> anyhow::Result<Sampled> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Limits, Quintic, Shuttle};
-    use nalgebra::Vector3;
+    use crate::motion::{Limits, Pose as Place, Quintic, Shuttle};
     use std::path::Path;
 
     fn cablar() -> Robot {
@@ -93,18 +92,14 @@ mod tests {
     }
 
     fn there_and_back() -> impl Motion {
-        let pose = |y: f64, z: f64| crate::motion::Pose {
-            position_m: Vector3::new(0.0, y, z),
-            rotation_rad: Vector3::zeros(),
-        };
         let limits = Limits {
             speed_m_s: 2.0,
             acceleration_m_s2: 2.0,
             jerk_m_s3: 20.0,
         };
         Shuttle {
-            from: pose(-2.0, 1.0),
-            to: pose(2.0, 2.0),
+            from: Place::level(0.0, -2.0, 1.0),
+            to: Place::level(0.0, 2.0, 2.0),
             profile: Quintic::new(17f64.sqrt(), limits),
             dwell_s: 0.5,
             loops: 1,

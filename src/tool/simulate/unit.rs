@@ -8,7 +8,7 @@ use crate::gx1::{Command, TickFactors};
 use crate::link::emulation::{Account, Conditions, Device, Emulation, Outbox, Serial};
 use crate::link::{HostInstant, LinkError, Recorder, Rotation};
 use crate::record::{Axes, ImuSample, Stamp};
-use crate::simulate::{Course, Effect, Setup, Simulator, Unit};
+use crate::simulate::{Course, Effect, Setup, Unit};
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -126,13 +126,9 @@ fn behaviour(unit: &ImuArgs, setup: &Setup, seed: u64) -> Behaviour {
 /// The run once more, for the IMU: where the platform is at any time.
 fn setup(args: &Args, options: &Options) -> anyhow::Result<Setup> {
     let (frame, _) = args.read_frame()?;
-    let setup = args::setup(args, frame, options)?;
-    let scans = Simulator::new(setup).scans();
-    let (frame, _) = args.read_frame()?;
-    Ok(Setup {
-        scans: Some(scans),
-        ..args::setup(args, frame, options)?
-    })
+    let mut setup = args::setup(args, frame, options)?;
+    setup.scans = Some(setup.scans());
+    Ok(setup)
 }
 
 /// Opens the line and says where it is.

@@ -2,8 +2,8 @@
 
 use crate::frame::{Frame, edit};
 use crate::pose::alignment::{self, Aligner, Alignment, Observation};
-use crate::pose::pitch::{Attitude, Pitch};
-use crate::record::{Face, Pose};
+use crate::pose::pitch::{self, Attitude, Pitch};
+use crate::record::Pose;
 use crate::stream::WholeFile;
 use std::path::PathBuf;
 
@@ -18,8 +18,6 @@ pub(super) struct Align {
     quiet: bool,
 }
 
-/// Prior of the pitch where the scan is to show it itself, rad: so wide that it says nothing.
-const WIDE_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Prior with which x is taken to depend on the pitch alone, rad: so narrow that the edges do not
 /// move it.
 const NARROW_RAD: f64 = 0.05 * std::f64::consts::PI / 180.0;
@@ -66,10 +64,11 @@ impl Align {
             }))
         };
         let mut pitch_rad = None;
-        if frame.strips.iter().any(|strip| strip.face != Face::Upper) {
-            let own = with_prior(WIDE_RAD);
+        if pitch::is_shown(frame) {
+            let wide_rad = Pitch::OPEN.sigma_rad;
+            let own = with_prior(wide_rad);
             let posterior = [own.rotation_rad[1], sigma(&own, 4)];
-            pitch_rad = alignment::without_prior(posterior, [attitude.pitch_rad, WIDE_RAD]);
+            pitch_rad = alignment::without_prior(posterior, [attitude.pitch_rad, wide_rad]);
         }
         let mut x_m = None;
         if self.x_constant {

@@ -43,11 +43,10 @@ impl AttitudeSource {
                 samples: Box::new(SideInput::open(path, options)?),
                 wait: args.imu_wait,
             },
-            (None, Some(deg)) => Source::Constant(Pitch {
-                rad: deg.to_radians(),
-                sigma_rad: args.pitch_sigma_deg.to_radians(),
-                stale: false,
-            }),
+            (None, Some(deg)) => Source::Constant(Pitch::within(
+                deg.to_radians(),
+                args.pitch_sigma_deg.to_radians(),
+            )),
             (None, None) => Source::Stream(VecDeque::new()),
         };
         let lookup = Lookup::new(Settings {
