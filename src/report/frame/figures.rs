@@ -1,7 +1,6 @@
 //! The frame's pictures: seen from the front, its ceiling and its walls, and the maps of what scans
 //! in it can tell.
 
-use super::view::{self, FACES};
 use super::{Survey, yaw_range};
 use crate::frame::Strip;
 use crate::record::Face;
@@ -184,7 +183,7 @@ fn described(index: usize, strip: &Strip) -> String {
 
 /// A strip's corners, first along its own axis v, then x.
 fn corners(survey: &Survey, strip: &Strip) -> [[f64; 2]; 4] {
-    let [from, to] = view::extent(strip, &survey.frame);
+    let [from, to] = strip.x_span_m(&survey.frame.bounds);
     let at = |x: f64, side: f64| [strip.offset_m + side * strip.width_m + x * strip.slope(), x];
     [at(from, -0.5), at(from, 0.5), at(to, 0.5), at(to, -0.5)]
 }
@@ -338,7 +337,7 @@ fn yaw(survey: &Survey) -> Drawing {
 
 /// How many reflectors each face has, for the page's words.
 pub(super) fn on_faces(survey: &Survey) -> [usize; 3] {
-    FACES.map(|face| {
+    Face::ALL.map(|face| {
         let plates = survey
             .frame
             .plates
