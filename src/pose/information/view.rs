@@ -13,8 +13,6 @@ const FEW: u32 = 8;
 const BESIDE: f64 = 4.0;
 /// The state, and a strip's level and background.
 const LEVELS: usize = STATE + 2;
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
-
 /// A scan from one pose.
 pub(super) struct View<'a> {
     frame: &'a Frame,
@@ -53,7 +51,8 @@ impl<'a> View<'a> {
 
     /// The face that a beam meets first, and where.
     fn first(&self, angle_rad: f64) -> Option<(Face, Crossing)> {
-        let crossings = FACES.map(|face| self.pose.crossing(angle_rad, face).map(|c| (face, c)));
+        let crossings =
+            Face::ALL.map(|face| self.pose.crossing(angle_rad, face).map(|c| (face, c)));
         crossings
             .into_iter()
             .flatten()
@@ -77,7 +76,7 @@ impl<'a> View<'a> {
 
     /// Information of the ranges, with a variance each: range = d / cos(angle - alpha) + bias.
     pub(super) fn lines(&self, variance: f64) -> Option<SMatrix<f64, STATE, STATE>> {
-        let lines = FACES.map(|face| self.pose.line(face));
+        let lines = Face::ALL.map(|face| self.pose.line(face));
         let mut sums = [SMatrix::<f64, 3, 3>::zeros(); 3];
         let mut points = [0u32; 3];
         for beam in 0..self.fan.count {
