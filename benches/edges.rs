@@ -2,6 +2,8 @@
 //! input and output: processor time, so that a busy machine does little harm. `cargo bench --bench
 //! edges` prints figures and passes no judgement.
 
+mod timing;
+
 use cablepose::edges::EdgeMeter;
 use cablepose::frame::Frame;
 use cablepose::lines::reflectors::{Options, ReflectorFit};
@@ -9,6 +11,7 @@ use cablepose::record::{ReflectorLines, Scan};
 use cablepose::simulate::{Course, Scatter, Seed, Setup, Simulator};
 use std::hint::black_box;
 use std::path::Path;
+use timing::thread_s;
 
 const SCANS: u64 = 400;
 const ROUNDS: usize = 10;
@@ -40,7 +43,7 @@ fn main() -> anyhow::Result<()> {
         for _ in 0..ROUNDS {
             found = 0;
             let mut meter = EdgeMeter::new(&frame);
-            let start_s = processor_s();
+            let start_s = thread_s();
             for scan in &scans {
                 if !track {
                     meter = EdgeMeter::new(&frame);
@@ -58,7 +61,7 @@ fn main() -> anyhow::Result<()> {
                     .filter(|e| e.strip >= 0)
                     .count();
             }
-            best = best.min(processor_s() - start_s);
+            best = best.min(thread_s() - start_s);
         }
         println!(
             "{name:16} {:7.2} us a scan   {:.2} edges a scan",
@@ -67,12 +70,6 @@ fn main() -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// Processor time of this thread, s.
-fn processor_s() -> f64 {
-    let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
 }
 
 /// Scans of a platform that creeps (tracked) or is anywhere (cold).

@@ -6,6 +6,7 @@
 
 #[path = "../tests/office/mod.rs"]
 mod office;
+mod timing;
 
 use cablepose::lines::extractor::{Extractor, ExtractorOptions};
 use cablepose::lines::fit::{self, Beams, Loss};
@@ -18,6 +19,7 @@ use rand_distr::{Distribution, Normal, Uniform};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
 use std::path::Path;
+use timing::thread_s;
 
 const BEAMS: usize = 722;
 const SIGMA_M: f64 = 0.015;
@@ -107,17 +109,11 @@ fn fits() {
 /// The best time of some rounds, s.
 fn best(mut work: impl FnMut()) -> f64 {
     let rounds = (0..ROUNDS).map(|_| {
-        let start_s = thread_time_s();
+        let start_s = thread_s();
         work();
-        thread_time_s() - start_s
+        thread_s() - start_s
     });
     rounds.fold(f64::INFINITY, f64::min)
-}
-
-/// The thread's own time, s: what other work the machine has does not count.
-fn thread_time_s() -> f64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
 
 /// A wall 4 m away.

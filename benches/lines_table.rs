@@ -6,6 +6,8 @@
 //! Times are the best of some passes over all scans, in the thread's own time, without reading or
 //! writing.
 
+mod timing;
+
 use cablepose::frame::Frame;
 use cablepose::lines::dissertation::{Strategy, StrategyOptions};
 use cablepose::lines::extractor::ExtractorOptions;
@@ -18,10 +20,10 @@ use cablepose::record::{NormalLine, ReflectorLines, Scan, Segment, Stamp};
 use cablepose::report::lines::{Matching, score};
 use cablepose::simulate::office::{Errors, Office, Setup as OfficeSetup, View};
 use cablepose::simulate::{Course, Effects, Seed, Setup, Simulator};
-use rustix::time::{ClockId, clock_gettime};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hint::black_box;
 use std::path::Path;
+use timing::thread_s;
 
 const PASSES: usize = 5;
 const SIGMA_M: f64 = 0.015;
@@ -331,14 +333,10 @@ fn moving_scans(frame: &Frame) -> Vec<Scan> {
 /// The best time of some passes, s: of this thread's own, so that what else runs on the machine counts
 /// for little.
 fn best(mut work: impl FnMut()) -> f64 {
-    let now_s = || {
-        let now = clock_gettime(ClockId::ThreadCPUTime);
-        now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
-    };
     let passes = (0..PASSES).map(|_| {
-        let start_s = now_s();
+        let start_s = thread_s();
         work();
-        now_s() - start_s
+        thread_s() - start_s
     });
     passes.fold(f64::INFINITY, f64::min)
 }

@@ -5,15 +5,17 @@
 //! `cargo bench --bench simulate` (a part of `make bench`); figures and ratios to the goals, no
 //! judgement.
 
+mod timing;
+
 use cablepose::frame::Frame;
 use cablepose::motion::{Limits, Pose, SCurve, Shuttle};
 use cablepose::record::Stamp;
 use cablepose::simulate::{Course, Setup, Simulator};
 use cablepose::stream::{Encoding, Options, Output, Role};
-use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
+use timing::thread_s;
 
 const SCANS: u64 = 4000;
 const RUNS: usize = 5;
@@ -52,12 +54,6 @@ fn simulator(effects: &str) -> anyhow::Result<Simulator> {
         scans: Some(SCANS),
         ..Setup::new(frame, Course::along(shuttle))
     }))
-}
-
-/// The thread's own time, s: what other work on the machine leaves alone.
-fn thread_s() -> f64 {
-    let now = clock_gettime(ClockId::ThreadCPUTime);
-    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
 /// The best of some runs, scans a second.

@@ -131,3 +131,18 @@ fn the_dissertations_way_leads_to_poses() {
                 && cmp told.csv <(head -n 3 dissertation.csv)";
     sh(&dir, told).expect(0);
 }
+
+#[test]
+fn a_frame_file_may_be_a_pipe() {
+    let dir = scratch("line-tools-frame-pipe");
+    let command = "simulate -f frame.toml --n-scans 2 > scans.csv \
+                   && extract-lines -f frame.toml --format mcap scans.csv > file.mcap \
+                   && extract-lines -f <(cat frame.toml) --format mcap scans.csv > pipe.mcap";
+    sh(&dir, command).expect(0);
+    // The frame goes on with the lines in either case.
+    for name in ["file", "pipe"] {
+        let bytes = std::fs::read(dir.join(format!("{name}.mcap"))).unwrap();
+        let held = bytes.windows(6).any(|bytes| bytes == b"[box]\n");
+        assert!(held, "{name}");
+    }
+}

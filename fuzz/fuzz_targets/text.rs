@@ -7,7 +7,7 @@ use cablepose::link::{Arrivals, Endpoint, parse_seconds_ns};
 use cablepose::report::{Gate, Zone};
 use cablepose::sick::angle_jitter::AngleJitter;
 use cablepose::simulate::Effects;
-use cablepose::tool::common::{parse_duration, parse_rotation, parse_signed_duration};
+use cablepose::tool::values::{parse_duration, parse_rotation, parse_signed_duration};
 use cablepose::twincat::fields::parse_fields;
 use cablepose::twincat::layout::Layout;
 use cablepose::twincat::route::Credentials;

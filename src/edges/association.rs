@@ -349,10 +349,9 @@ fn pose_on_lines(
     let [mut y, mut z, mut roll] = *start;
     for _ in 0..4 {
         let pose = mounted.moved_to([x, y, z], [roll, pitch, yaw]);
-        let faces = [Face::Right, Face::Upper, Face::Left];
         let (mut sum_y, mut walls, mut sum_roll, mut weight) = (0.0, 0.0, 0.0, 0.0);
         let mut moved = 0.0f64;
-        for (line, face) in lines.lines().into_iter().zip(faces) {
+        for (line, face) in lines.lines().into_iter().zip(Face::ALL) {
             if !line.is_seen() {
                 continue;
             }

@@ -49,8 +49,8 @@ pub(super) enum State {
 pub(super) struct Beam {
     /// What it met.
     pub state: State,
-    /// The face that it meets first, numbered right, upper, left; [`NO_FACE`] where none carries a
-    /// strip.
+    /// The face that it meets first, numbered as in [`Face::ALL`](crate::record::Face::ALL);
+    /// [`NO_FACE`] where none carries a strip.
     pub face: u8,
     /// Range of the face's line, m.
     pub face_m: f64,
@@ -61,7 +61,7 @@ pub(super) struct Beam {
 }
 
 /// No face with strips.
-pub(super) const NO_FACE: u8 = 3;
+const NO_FACE: u8 = 3;
 
 impl Beam {
     const NOTHING: Beam = Beam {

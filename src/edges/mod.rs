@@ -34,9 +34,6 @@ const RUN_SHARE: f64 = 0.7;
 /// The platform is no further than this from x = 0, m.
 const X_MAX_M: f64 = 0.5;
 
-/// Faces as [`Beam`] numbers them.
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
-
 /// An edge with the beams that it was found at.
 #[derive(Clone, Copy, Debug)]
 struct Found {
@@ -66,8 +63,8 @@ impl EdgeMeter {
     pub fn new(frame: &Frame) -> EdgeMeter {
         EdgeMeter {
             frame: frame.clone(),
-            with_strips: FACES.map(|face| frame.strips_on(face).next().is_some()),
-            narrowest_m: FACES.map(|face| narrowest_m(frame, face)),
+            with_strips: Face::ALL.map(|face| frame.strips_on(face).next().is_some()),
+            narrowest_m: Face::ALL.map(|face| narrowest_m(frame, face)),
             table: BeamTable::default(),
             beams: Vec::new(),
             found: Vec::new(),
@@ -99,7 +96,7 @@ impl EdgeMeter {
             let (before, behind) = at.beams;
             found.push(Found {
                 edge: Edge {
-                    face: FACES[usize::from(at.face)],
+                    face: Face::ALL[usize::from(at.face)],
                     kind: if at.onto_strip {
                         EdgeKind::On
                     } else {

@@ -24,6 +24,8 @@ const DOUBTFUL: f64 = 0.2;
 const EXPONENT: (f64, f64) = (0.3, 0.3);
 /// p is never held for better known than this.
 const EXPONENT_FLOOR: f64 = 0.02;
+/// This much of what is known of it is kept from scan to scan.
+const EXPONENT_KEPT: f64 = 1.0 - 1e-3;
 /// Relative noise of a remission before any scan, and for how many beams that counts.
 const NOISE: f64 = 0.04;
 const NOISE_BEAMS: f64 = 12.0;
@@ -124,78 +126,95 @@ impl Photometer {
         if scan.remissions.len() != scan.beams() {
             return;
         }
+        let basis = if scan.further_remissions.is_empty() {
+            EdgeBasis::Remission
+        } else {
+            EdgeBasis::Echoes
+        };
         let ceiling = ceiling(&scan.remissions);
+        // What a scan teaches is for those that follow.
         let exponent = self.exponent();
         let noise = self.noise.map(|n| n.sigma());
-        let mut learned = [(0.0, 0.0); 2];
+        let mut scatter = [(0.0, 0.0); 2];
         let mut exponent_learned = (0.0, 0.0);
         for first in 0..found.len() {
-            let edge = &found[first].edge;
-            let (face, strip) = (edge.face, edge.strip);
-            if strip < 0 {
-                continue;
-            }
-            let same = |f: &Found| f.edge.face == face && f.edge.strip == strip;
-            if found[..first].iter().any(same) {
-                continue;
-            }
-            let second = (first + 1..found.len()).find(|k| same(&found[*k]));
-            let Some(slope) = frame.strips.get(strip as usize).map(|s| s.slope()) else {
+            let Some(window) = self.window(frame, view, found, first) else {
                 continue;
             };
-            let window = Window::new(self, view, found, [Some(first), second], slope);
-            let basis = match self.gather(view, &window, ceiling) {
-                Err(basis) => basis,
-                Ok(levels) => {
-                    let start = Start {
-                        edges_rad: window.edges.map(|e| {
-                            e.map(|k| 0.5 * (found[k].edge.from_rad + found[k].edge.to_rad))
-                        }),
-                        levels,
-                        reach_rad: window.edges.map(|e| {
-                            let wide =
-                                e.map_or(0.0, |k| found[k].edge.to_rad - found[k].edge.from_rad);
-                            wide + 1.0 / window.slant.spots_per_rad
-                        }),
-                        exponent,
-                        noise,
-                    };
-                    match photometry::fit(&self.samples, &start) {
-                        Some(fit) if self.stands_out(&fit) => {
-                            for (sum, own) in learned.iter_mut().zip(fit.scatter) {
-                                sum.0 += own.0;
-                                sum.1 += own.1;
-                            }
-                            exponent_learned.0 += fit.exponent.1;
-                            exponent_learned.1 += fit.exponent.1 * fit.exponent.0;
-                            let basis = if view.scan.further_remissions.is_empty() {
-                                EdgeBasis::Remission
-                            } else {
-                                EdgeBasis::Echoes
-                            };
-                            accept(&fit, basis, &window, found);
-                            continue;
-                        }
-                        _ => EdgeBasis::Ambiguous,
+            match self.fit(view, &window, found, ceiling, exponent, noise) {
+                Ok(fit) => {
+                    for (sum, own) in scatter.iter_mut().zip(fit.scatter) {
+                        sum.0 += own.0;
+                        sum.1 += own.1;
+                    }
+                    let (own, information) = fit.exponent;
+                    exponent_learned.0 += information;
+                    exponent_learned.1 += information * own;
+                    accept(&fit, basis, &window, found);
+                }
+                Err(basis) => {
+                    for k in window.edges.into_iter().flatten() {
+                        found[k].edge.basis = basis;
                     }
                 }
-            };
-            for k in window.edges.into_iter().flatten() {
-                found[k].edge.basis = basis;
             }
         }
-        for (noise, learned) in self.noise.iter_mut().zip(learned) {
-            noise.learn(learned);
+        for (noise, scatter) in self.noise.iter_mut().zip(scatter) {
+            noise.learn(scatter);
         }
-        let forget = 1.0 - 1e-3;
         self.exponent = (
-            self.exponent.0 * forget + exponent_learned.0,
-            self.exponent.1 * forget + exponent_learned.1,
+            self.exponent.0 * EXPONENT_KEPT + exponent_learned.0,
+            self.exponent.1 * EXPONENT_KEPT + exponent_learned.1,
         );
     }
 
-    fn stands_out(&self, fit: &StripFit) -> bool {
-        (fit.levels[0] - fit.levels[1]).abs() > CONTRAST_SIGMAS * fit.contrast_sigma
+    /// The window of the strip that an edge belongs to; none where it belongs to none, or to one
+    /// that an edge before it belongs to.
+    fn window(
+        &self,
+        frame: &Frame,
+        view: &View<'_>,
+        found: &[Found],
+        first: usize,
+    ) -> Option<Window> {
+        let edge = &found[first].edge;
+        let strip = frame.strips.get(usize::try_from(edge.strip).ok()?)?;
+        let same = |f: &Found| f.edge.face == edge.face && f.edge.strip == edge.strip;
+        if found[..first].iter().any(same) {
+            return None;
+        }
+        let second = (first + 1..found.len()).find(|k| same(&found[*k]));
+        let edges = [Some(first), second];
+        Some(Window::new(self, view, found, edges, strip.slope()))
+    }
+
+    /// Fits the edges of a strip; or the word why there is nothing to be had.
+    fn fit(
+        &mut self,
+        view: &View<'_>,
+        window: &Window,
+        found: &[Found],
+        ceiling: Option<f32>,
+        exponent: (f64, f64),
+        noise: [f64; 2],
+    ) -> Result<StripFit, EdgeBasis> {
+        let levels = self.gather(view, window, ceiling)?;
+        let edge = |k: usize| &found[k].edge;
+        let start = Start {
+            edges_rad: window
+                .edges
+                .map(|e| e.map(|k| 0.5 * (edge(k).from_rad + edge(k).to_rad))),
+            levels,
+            reach_rad: window.edges.map(|e| {
+                let wide_rad = e.map_or(0.0, |k| edge(k).to_rad - edge(k).from_rad);
+                wide_rad + 1.0 / window.slant.spots_per_rad
+            }),
+            exponent,
+            noise,
+        };
+        photometry::fit(&self.samples, &start)
+            .filter(stands_out)
+            .ok_or(EdgeBasis::Ambiguous)
     }
 
     /// Collects the samples of a window; returns the levels to start from, or why there is nothing
@@ -267,6 +286,11 @@ impl Photometer {
         }
         Ok([strip.0 / strip.1, behind.0 / behind.1])
     }
+}
+
+/// Whether strip and background differ by more than is not known of the two.
+fn stands_out(fit: &StripFit) -> bool {
+    (fit.levels[0] - fit.levels[1]).abs() > CONTRAST_SIGMAS * fit.contrast_sigma
 }
 
 /// Ranges and remissions of a scan's second echoes, where it has any.

@@ -134,7 +134,7 @@ struct Prediction {
 /// Sums of the normal equations over beams.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// The upper triangle.
+    /// Filled from its upper triangle when all beams are in.
     normal: SMatrix<f64, N, N>,
     gradient: SVector<f64, N>,
     footprint: SVector<f64, N>,
@@ -310,52 +310,45 @@ fn predict(p: &SVector<f64, N>, sample: &Sample, there: [bool; 2], noise: [f64; 
     }
 }
 
-/// Fits a strip's edges to the beams about it; none where they do not determine them.
-pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
-    let there = start.edges_rad.map(|e| e.is_some());
-    let [first, second] = start.edges_rad.map(|e| e.unwrap_or(0.0));
-    let mut p = SVector::from([
-        first,
-        second,
-        start.levels[0],
-        start.levels[1],
-        start.exponent.0,
-    ]);
-    if !(start.levels[0] > 0.0 && start.levels[1] > 0.0) || samples.is_empty() {
-        return None;
-    }
-    let spots_per_rad = samples[samples.len() / 2].spots_per_rad;
-    let mut factors = None;
-    let mut footprint = SVector::<f64, N>::zeros();
-    let prior_information = 1.0 / (start.exponent.1 * start.exponent.1);
-    let mut scatter = [(0.0, 0.0); 2];
-    let mut near_sum = [0.0; 2];
-    let mut near = [0u32; 2];
-    let mut closest_rad = [[f64::INFINITY; 2]; 2];
-    let mut far = f64::INFINITY;
-    for iteration in 0..ITERATIONS {
-        let mut sums = Sums::default();
-        scatter = [(0.0, 0.0); 2];
-        near_sum = [0.0; 2];
-        near = [0; 2];
+/// What the beams say where the parameters have certain values.
+struct Pass {
+    sums: Sums,
+    /// As in [`StripFit`], without the degrees of freedom that the parameters take.
+    scatter: [(f64, f64); 2],
+    /// Sum of squared normalised residuals of the beams that each edge cuts, and their number.
+    near: [(f64, u32); 2],
+}
+
+impl Pass {
+    /// Goes through the beams. If `lenient`, those that an edge cuts keep their weight.
+    fn over(
+        samples: &[Sample],
+        p: &SVector<f64, N>,
+        there: [bool; 2],
+        noise: [f64; 2],
+        lenient: bool,
+    ) -> Pass {
+        let mut pass = Pass {
+            sums: Sums::default(),
+            scatter: [(0.0, 0.0); 2],
+            near: [(0.0, 0); 2],
+        };
         let mut levels = [LevelSums::default(); 2];
         for sample in samples {
-            if let Some(level) = surface(&p, sample, there) {
-                let sums = &mut levels[level - STRIP];
-                sums.add(sample, p[level], p[EXPONENT], start.noise[0]);
+            if let Some(level) = surface(p, sample, there) {
+                levels[level - STRIP].add(sample, p[level], p[EXPONENT], noise[0]);
                 continue;
             }
-            let prediction = predict(&p, sample, there, start.noise);
+            let prediction = predict(p, sample, there, noise);
             let residual = sample.value - prediction.value;
             let information = 1.0 / prediction.variance;
             let square = residual * residual * information;
             let cut = prediction.cuts[0] || prediction.cuts[1];
-            let lenient = cut && iteration < LENIENT;
-            let weight = if lenient { 1.0 } else { huber(square) };
-            for k in 0..2 {
-                if prediction.cuts[k] {
-                    near[k] += 1;
-                    near_sum[k] += square.min(100.0);
+            let weight = if lenient && cut { 1.0 } else { huber(square) };
+            for (near, cuts) in pass.near.iter_mut().zip(prediction.cuts) {
+                if cuts {
+                    near.0 += square.min(100.0);
+                    near.1 += 1;
                 }
             }
             if weight == 0.0 || !square.is_finite() {
@@ -364,35 +357,86 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             let of = usize::from(sample.light == Light::Ratio);
             let relative = if of == 1 { 1.0 } else { prediction.value };
             let noise = residual * residual - sample.rounding * sample.rounding;
-            scatter[of].0 += weight * noise / (relative * relative);
-            scatter[of].1 += 1.0;
-            sums.add(weight * information, residual, &prediction);
+            pass.scatter[of].0 += weight * noise / (relative * relative);
+            pass.scatter[of].1 += 1.0;
+            pass.sums.add(weight * information, residual, &prediction);
         }
-        for (level, level_sums) in [STRIP, BEHIND].into_iter().zip(&levels) {
-            sums.add_level(level, level_sums);
-            scatter[0].0 += level_sums.scatter.0;
-            scatter[0].1 += level_sums.scatter.1;
+        for (level, sums) in [STRIP, BEHIND].into_iter().zip(&levels) {
+            pass.sums.add_level(level, sums);
+            pass.scatter[0].0 += sums.scatter.0;
+            pass.scatter[0].1 += sums.scatter.1;
         }
-        let Sums {
-            mut normal,
-            mut gradient,
-            ..
-        } = sums;
-        footprint = sums.footprint;
-        normal.fill_lower_triangle_with_upper_triangle();
-        normal[(EXPONENT, EXPONENT)] += prior_information;
-        gradient[EXPONENT] += prior_information * (start.exponent.0 - p[EXPONENT]);
+        pass.sums.normal.fill_lower_triangle_with_upper_triangle();
+        pass
+    }
+}
+
+impl Start {
+    /// Adds what is known before the fit.
+    fn add_to(&self, sums: &mut Sums, p: &SVector<f64, N>) {
+        let information = self.exponent_information();
+        sums.normal[(EXPONENT, EXPONENT)] += information;
+        sums.gradient[EXPONENT] += information * (self.exponent.0 - p[EXPONENT]);
         for k in 0..2 {
             // Weak enough not to matter unless no beam touches the edge.
-            let wide = EDGE_PRIOR * start.reach_rad[k];
+            let wide = EDGE_PRIOR * self.reach_rad[k];
             let information = 1.0 / (wide * wide);
-            normal[(k, k)] += if there[k] { information } else { 1.0 };
-            if let Some(at) = start.edges_rad[k] {
-                gradient[k] += information * (at - p[k]);
+            match self.edges_rad[k] {
+                Some(at) => {
+                    sums.normal[(k, k)] += information;
+                    sums.gradient[k] += information * (at - p[k]);
+                }
+                None => sums.normal[(k, k)] += 1.0,
             }
         }
-        let step = factors.insert(normal.cholesky()?).solve(&gradient);
-        far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
+    }
+
+    fn exponent_information(&self) -> f64 {
+        1.0 / (self.exponent.1 * self.exponent.1)
+    }
+
+    /// What a strip itself says of p, and its information: the posterior without the prior.
+    fn own_exponent(&self, exponent: f64, variance: f64) -> (f64, f64) {
+        let (prior, posterior) = (self.exponent_information(), 1.0 / variance);
+        let own = (posterior - prior).max(0.0);
+        if own > 1e-9 {
+            ((posterior * exponent - prior * self.exponent.0) / own, own)
+        } else {
+            (self.exponent.0, own)
+        }
+    }
+}
+
+/// Angle from each edge to the next beam on its strip and on its background, rad.
+fn closest_rad(samples: &[Sample], p: &SVector<f64, N>) -> [[f64; 2]; 2] {
+    let mut closest_rad = [[f64::INFINITY; 2]; 2];
+    for sample in samples {
+        let inwards = [sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad];
+        for (closest, inward) in closest_rad.iter_mut().zip(inwards) {
+            let side = usize::from(inward < 0.0);
+            closest[side] = closest[side].min(inward.abs());
+        }
+    }
+    closest_rad
+}
+
+/// Fits a strip's edges to the beams about it; none where they do not determine them.
+pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
+    let there = start.edges_rad.map(|e| e.is_some());
+    let [first, second] = start.edges_rad.map(|e| e.unwrap_or(0.0));
+    let [strip, behind] = start.levels;
+    if !(strip > 0.0 && behind > 0.0) || samples.is_empty() {
+        return None;
+    }
+    let mut p = SVector::from([first, second, strip, behind, start.exponent.0]);
+    let spots_per_rad = samples[samples.len() / 2].spots_per_rad;
+    let mut iteration = 0;
+    let (mut pass, factors) = loop {
+        let mut pass = Pass::over(samples, &p, there, start.noise, iteration < LENIENT);
+        start.add_to(&mut pass.sums, &p);
+        let factors = pass.sums.normal.cholesky()?;
+        let step = factors.solve(&pass.sums.gradient);
+        let far = step[FIRST].abs().max(step[SECOND].abs()) * spots_per_rad;
         // A beam at the rim of the spot can make the steps swing; shorter ones settle.
         let most = if iteration < SWINGING {
             STEP_MAX
@@ -404,15 +448,16 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         if !(p[STRIP] > 0.0 && p[BEHIND] > 0.0 && step.iter().all(|s| s.is_finite())) {
             return None;
         }
-        if far < CONVERGED && iteration + 1 >= LENIENT {
-            break;
+        iteration += 1;
+        if far < CONVERGED && iteration >= LENIENT || iteration == ITERATIONS {
+            if !(far < SETTLED) {
+                return None;
+            }
+            break (pass, factors);
         }
-    }
-    if !(far < SETTLED) {
-        return None;
-    }
-    let covariance = factors?.inverse();
-    let d_footprint = -(covariance * footprint);
+    };
+    let covariance = factors.inverse();
+    let d_footprint = -(covariance * pass.sums.footprint);
     let variance = |k: usize| {
         if there[k] {
             covariance[(k, k)]
@@ -420,27 +465,11 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
             f64::INFINITY
         }
     };
-    // What the strip itself says of p is the posterior without the prior.
-    let posterior_information = 1.0 / covariance[(EXPONENT, EXPONENT)];
-    let own_information = (posterior_information - prior_information).max(0.0);
-    let own = if own_information > 1e-9 {
-        (posterior_information * p[EXPONENT] - prior_information * start.exponent.0)
-            / own_information
-    } else {
-        start.exponent.0
-    };
-    let fitted = there.iter().filter(|t| **t).count() as f64 + 2.0;
-    let beams = scatter[0].1 + scatter[1].1;
     // The parameters take their part of both kinds of residuals.
-    for (_, freedom) in &mut scatter {
+    let fitted = there.iter().filter(|t| **t).count() as f64 + 2.0;
+    let beams = pass.scatter[0].1 + pass.scatter[1].1;
+    for (_, freedom) in &mut pass.scatter {
         *freedom -= fitted * *freedom / beams.max(1.0);
-    }
-    for sample in samples {
-        let inwards = [sample.angle_rad - p[FIRST], p[SECOND] - sample.angle_rad];
-        for (closest, inward) in closest_rad.iter_mut().zip(inwards) {
-            let side = usize::from(inward < 0.0);
-            closest[side] = closest[side].min(inward.abs());
-        }
     }
     let contrast = covariance[(STRIP, STRIP)] + covariance[(BEHIND, BEHIND)]
         - 2.0 * covariance[(STRIP, BEHIND)];
@@ -453,10 +482,10 @@ pub(super) fn fit(samples: &[Sample], start: &Start) -> Option<StripFit> {
         d_footprint: [d_footprint[0], d_footprint[1]],
         levels: [p[STRIP], p[BEHIND]],
         contrast_sigma: contrast.max(0.0).sqrt(),
-        exponent: (own, own_information),
-        scatter,
-        near_chi2: [0, 1].map(|k| near_sum[k] / f64::from(near[k].max(1))),
-        near,
-        closest_rad,
+        exponent: start.own_exponent(p[EXPONENT], covariance[(EXPONENT, EXPONENT)]),
+        scatter: pass.scatter,
+        near_chi2: pass.near.map(|(sum, beams)| sum / f64::from(beams.max(1))),
+        near: pass.near.map(|(_, beams)| beams),
+        closest_rad: closest_rad(samples, &p),
     })
 }

@@ -238,7 +238,7 @@ fn strips_on_the_walls_are_placed_too() {
     let frame = inclined();
     let steps = scattered(&frame, "reference,mixed", 120, [1.0, 3.0], 35);
     let edges = checked(&frame, &steps);
-    for face in FACES {
+    for face in Face::ALL {
         let on_face: Vec<Checked> = edges
             .iter()
             .filter(|c| c.edge.face == face)

@@ -85,16 +85,12 @@ impl Strip {
     pub fn slope(&self) -> f64 {
         self.inclination_deg.to_radians().tan()
     }
-}
 
-/// Where a device sits on P.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Mounting {
-    /// Its origin in P, m.
-    pub position_m: [f64; 3],
-    /// Roll, pitch, yaw of its axes in P, deg.
-    pub rotation_deg: [f64; 3],
+    /// From and to along x, m: the whole depth of the box where nothing else is said.
+    pub fn x_span_m(&self, bounds: &FrameBox) -> [f64; 2] {
+        let [depth_m, _, _] = bounds.spans_m();
+        self.x_m.unwrap_or(depth_m)
+    }
 }
 
 /// The scanner and its mounting on P.
@@ -187,162 +183,24 @@ impl Frame {
     }
 
     fn check(&self) -> Result<(), Unsound> {
-        let fault = |key: String, why: String| Err((key, why));
-        let b = &self.bounds;
-        for (key, value) in [
-            ("box.dx_m", b.dx_m),
-            ("box.dy_m", b.dy_m),
-            ("box.dz_m", b.dz_m),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return fault(
-                    key.into(),
-                    format!("{value} is not a positive length in metres"),
-                );
-            }
-        }
-        if let Some(gap_m) = b.background_gap_m
-            && !(gap_m.is_finite() && gap_m > 0.0)
-        {
-            return fault(
-                "box.background_gap_m".into(),
-                format!("{gap_m} is not a positive length; omit the key where nothing is behind"),
-            );
-        }
-        let (half_x, half_y) = (b.dx_m / 2.0, b.dy_m / 2.0);
-        let span = |key: String, [from, to]: [f64; 2], low: f64, high: f64, what: &str| {
-            if !(from.is_finite() && to.is_finite() && from < to) {
-                return Err((
-                    key,
-                    format!("[{from}, {to}] must go from a smaller to a larger number"),
-                ));
-            }
-            if from < low - 1e-9 || to > high + 1e-9 {
-                return Err((
-                    key,
-                    format!(
-                        "[{from}, {to}] m is outside the box, whose {what} is [{low}, {high}] m"
-                    ),
-                ));
-            }
-            Ok(())
-        };
+        self.bounds.check()?;
         for (i, plate) in self.plates.iter().enumerate() {
-            if plate.face == Face::Upper {
-                return fault(
-                    format!("plate[{i}].face"),
-                    "a plate sits on \"right\" or \"left\"; use [[strip]] on the upper face".into(),
-                );
-            }
-            span(
-                format!("plate[{i}].x_m"),
-                plate.x_m,
-                -half_x,
-                half_x,
-                "depth",
-            )?;
-            span(format!("plate[{i}].z_m"), plate.z_m, 0.0, b.dz_m, "height")?;
+            plate.check(i, &self.bounds)?;
         }
         for (i, strip) in self.strips.iter().enumerate() {
-            let key = |name: &str| format!("strip[{i}].{name}");
-            if !(strip.width_m.is_finite() && strip.width_m > 0.0) {
-                return fault(
-                    key("width_m"),
-                    format!("{} is not a positive length", strip.width_m),
-                );
-            }
-            if !(strip.inclination_deg.abs() < 80.0) {
-                return fault(
-                    key("inclination_deg"),
-                    format!("{} must lie between -80 and 80 deg", strip.inclination_deg),
-                );
-            }
-            let x_m = strip.x_m.unwrap_or([-half_x, half_x]);
-            span(key("x_m"), x_m, -half_x, half_x, "depth")?;
-            let (low, high, what) = match strip.face {
-                Face::Upper => (-half_y, half_y, "width"),
-                Face::Right | Face::Left => (0.0, b.dz_m, "height"),
-            };
-            if !strip.offset_m.is_finite() {
-                return fault(
-                    key("offset_m"),
-                    format!("{} is not a number", strip.offset_m),
-                );
-            }
-            let reach = strip.width_m / 2.0;
-            for x in x_m {
-                let centre = strip.offset_m + x * strip.slope();
-                if centre - reach < low - 1e-9 || centre + reach > high + 1e-9 {
-                    return fault(
-                        key("offset_m"),
-                        format!(
-                            "at x = {x} m the strip covers [{:.3}, {:.3}] m, outside the box, whose \
-                             {what} is [{low}, {high}] m",
-                            centre - reach,
-                            centre + reach
-                        ),
-                    );
-                }
-            }
+            strip.check(i, &self.bounds)?;
         }
         self.check_strips_apart()?;
-        if ScannerModel::by_name(&self.scanner.model).is_none() {
-            let known: Vec<&str> = ScannerModel::all().iter().map(|model| model.name).collect();
-            return fault(
-                "scanner.model".into(),
-                format!(
-                    "\"{}\" is not known; one of {}",
-                    self.scanner.model,
-                    known.join(", ")
-                ),
-            );
-        }
-        let finite = [
-            ("scanner.position_m", &self.scanner.position_m),
-            ("scanner.rotation_deg", &self.scanner.rotation_deg),
-            ("imu.rotation_deg", &self.imu.rotation_deg),
-        ];
-        for (key, values) in finite {
-            if values.iter().any(|v| !v.is_finite()) {
-                return fault(
-                    key.into(),
-                    format!("{values:?} has an entry that is not a number"),
-                );
-            }
-        }
-        let c = &self.calibration;
-        if !(c.range_scale > 0.5 && c.range_scale < 2.0) {
-            return fault(
-                "calibration.range_scale".into(),
-                format!("{} is not near 1", c.range_scale),
-            );
-        }
-        if !(c.hit_threshold > 0.0 && c.hit_threshold < 1.0) {
-            return fault(
-                "calibration.hit_threshold".into(),
-                format!("{} must lie between 0 and 1", c.hit_threshold),
-            );
-        }
-        if !(c.footprint_scale > 0.1 && c.footprint_scale < 10.0) {
-            return fault(
-                "calibration.footprint_scale".into(),
-                format!("{} is not near 1", c.footprint_scale),
-            );
-        }
-        if !c.range_bias_m.is_finite() {
-            return fault("calibration.range_bias_m".into(), "not a number".into());
-        }
-        Ok(())
+        self.scanner.check()?;
+        check_finite("imu.rotation_deg", &self.imu.rotation_deg)?;
+        self.calibration.check()
     }
-}
 
-impl Frame {
     /// No two strips cover the same spot of a face.
     fn check_strips_apart(&self) -> Result<(), Unsound> {
-        let half_x = self.bounds.dx_m / 2.0;
         for (i, a) in self.strips.iter().enumerate() {
             for (j, b) in self.strips.iter().enumerate().skip(i + 1) {
-                let [a_x, b_x] = [a, b].map(|strip| strip.x_m.unwrap_or([-half_x, half_x]));
+                let [a_x, b_x] = [a, b].map(|strip| strip.x_span_m(&self.bounds));
                 let (from, to) = (a_x[0].max(b_x[0]), a_x[1].min(b_x[1]));
                 if a.face != b.face || from >= to {
                     continue;
@@ -355,7 +213,7 @@ impl Frame {
                 } else {
                     first.abs().min(last.abs())
                 };
-                if least < (a.width_m + b.width_m) / 2.0 - 1e-9 {
+                if least < (a.width_m + b.width_m) / 2.0 - ROUNDING_M {
                     let face = a.face.name();
                     let why = format!("overlaps strip[{j}] on the {face} face");
                     return Err((format!("strip[{i}]"), why));
@@ -364,6 +222,160 @@ impl Frame {
         }
         Ok(())
     }
+}
+
+/// Lengths beyond this are not those of a hall, m: somebody meant millimetres.
+const LONGEST_M: f64 = 1000.0;
+/// A reflector may reach out of its face by this, m: sums of rounded lengths do.
+const ROUNDING_M: f64 = 1e-9;
+
+impl FrameBox {
+    fn check(&self) -> Result<(), Unsound> {
+        let is_length = |length_m: f64| length_m > 0.0 && length_m <= LONGEST_M;
+        for (key, length_m) in [
+            ("box.dx_m", self.dx_m),
+            ("box.dy_m", self.dy_m),
+            ("box.dz_m", self.dz_m),
+        ] {
+            if !is_length(length_m) {
+                let why = format!("{length_m} is not a length above 0 and up to {LONGEST_M} m");
+                return Err((key.to_owned(), why));
+            }
+        }
+        match self.background_gap_m {
+            Some(gap_m) if !is_length(gap_m) => {
+                let why = format!(
+                    "{gap_m} is not a length above 0 and up to {LONGEST_M} m; omit the key where \
+                     nothing is behind"
+                );
+                Err(("box.background_gap_m".to_owned(), why))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// From and to along x, y and z, m.
+    fn spans_m(&self) -> [[f64; 2]; 3] {
+        let (half_x, half_y) = (self.dx_m / 2.0, self.dy_m / 2.0);
+        [[-half_x, half_x], [-half_y, half_y], [0.0, self.dz_m]]
+    }
+}
+
+impl Plate {
+    fn check(&self, index: usize, bounds: &FrameBox) -> Result<(), Unsound> {
+        let key = |name: &str| format!("plate[{index}].{name}");
+        if self.face == Face::Upper {
+            let why = "a plate sits on \"right\" or \"left\"; use [[strip]] on the upper face";
+            return Err((key("face"), why.to_owned()));
+        }
+        let [depth_m, _, height_m] = bounds.spans_m();
+        check_span(key("x_m"), self.x_m, depth_m, "depth")?;
+        check_span(key("z_m"), self.z_m, height_m, "height")
+    }
+}
+
+impl Strip {
+    fn check(&self, index: usize, bounds: &FrameBox) -> Result<(), Unsound> {
+        let key = |name: &str| format!("strip[{index}].{name}");
+        if !(self.width_m.is_finite() && self.width_m > 0.0) {
+            let why = format!("{} is not a positive length", self.width_m);
+            return Err((key("width_m"), why));
+        }
+        if !(self.inclination_deg.abs() < 80.0) {
+            let why = format!("{} must lie between -80 and 80 deg", self.inclination_deg);
+            return Err((key("inclination_deg"), why));
+        }
+        let [depth_m, width_m, height_m] = bounds.spans_m();
+        let x_m = self.x_span_m(bounds);
+        check_span(key("x_m"), x_m, depth_m, "depth")?;
+        if !self.offset_m.is_finite() {
+            let why = format!("{} is not a number", self.offset_m);
+            return Err((key("offset_m"), why));
+        }
+        let ([low, high], what) = match self.face {
+            Face::Upper => (width_m, "width"),
+            Face::Right | Face::Left => (height_m, "height"),
+        };
+        for x in x_m {
+            let centre = self.offset_m + x * self.slope();
+            let [from, to] = [-0.5, 0.5].map(|side| centre + side * self.width_m);
+            if from < low - ROUNDING_M || to > high + ROUNDING_M {
+                let why = format!(
+                    "at x = {x} m the strip covers [{from:.3}, {to:.3}] m, outside the box, whose \
+                     {what} is [{low}, {high}] m"
+                );
+                return Err((key("offset_m"), why));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Scanner {
+    fn check(&self) -> Result<(), Unsound> {
+        if ScannerModel::by_name(&self.model).is_none() {
+            let known: Vec<&str> = ScannerModel::all().iter().map(|model| model.name).collect();
+            let why = format!(
+                "\"{}\" is not known; one of {}",
+                self.model,
+                known.join(", ")
+            );
+            return Err(("scanner.model".to_owned(), why));
+        }
+        check_finite("scanner.position_m", &self.position_m)?;
+        check_finite("scanner.rotation_deg", &self.rotation_deg)?;
+        check_finite(
+            "scanner.index_to_first_beam_s",
+            &[self.index_to_first_beam_s],
+        )
+    }
+}
+
+impl Calibration {
+    fn check(&self) -> Result<(), Unsound> {
+        let fault = |key: &str, why: String| Err((format!("calibration.{key}"), why));
+        if !self.range_bias_m.is_finite() {
+            return fault("range_bias_m", "not a number".to_owned());
+        }
+        if !(self.range_scale > 0.5 && self.range_scale < 2.0) {
+            return fault("range_scale", format!("{} is not near 1", self.range_scale));
+        }
+        if !(self.hit_threshold > 0.0 && self.hit_threshold < 1.0) {
+            let why = format!("{} must lie between 0 and 1", self.hit_threshold);
+            return fault("hit_threshold", why);
+        }
+        if !(self.footprint_scale > 0.1 && self.footprint_scale < 10.0) {
+            let why = format!("{} is not near 1", self.footprint_scale);
+            return fault("footprint_scale", why);
+        }
+        Ok(())
+    }
+}
+
+/// A span goes from a smaller to a larger number, within the box; `what` is the box's in words.
+fn check_span(
+    key: String,
+    [from, to]: [f64; 2],
+    [low, high]: [f64; 2],
+    what: &str,
+) -> Result<(), Unsound> {
+    if !(from.is_finite() && to.is_finite() && from < to) {
+        let why = format!("[{from}, {to}] must go from a smaller to a larger number");
+        return Err((key, why));
+    }
+    if from < low - ROUNDING_M || to > high + ROUNDING_M {
+        let why = format!("[{from}, {to}] m is outside the box, whose {what} is [{low}, {high}] m");
+        return Err((key, why));
+    }
+    Ok(())
+}
+
+fn check_finite(key: &str, values: &[f64]) -> Result<(), Unsound> {
+    if values.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let why = format!("{values:?} has an entry that is not a number");
+    Err((key.to_owned(), why))
 }
 
 mod face_name {
@@ -429,6 +441,35 @@ mod tests {
         assert!(says.contains("plate[0].z_m: invalid type"), "{says}");
         let plate = CABLAR.replace("z_m = [0.20, 5.20]", "z_m = [0.20, 9.20]");
         assert!(fault(&plate).contains("plate[0].z_m"), "{}", fault(&plate));
+        let text = CABLAR.replace(
+            "position_m = [0.0,",
+            "index_to_first_beam_s = inf\nposition_m = [0.0,",
+        );
+        assert!(
+            fault(&text).contains("scanner.index_to_first_beam_s"),
+            "{}",
+            fault(&text)
+        );
+    }
+
+    /// Everything that is sized by the box (the search for the lines has a cell every 4 cm) would
+    /// take the memory for it.
+    #[test]
+    fn a_box_is_no_larger_than_any_hall() {
+        for (key, value) in [
+            ("dy_m = 10.45", "10450"),
+            ("dx_m = 1.50", "inf"),
+            ("dz_m = 5.50", "0"),
+        ] {
+            let name = key.split(' ').next().unwrap();
+            let says = fault(&CABLAR.replace(key, &format!("{name} = {value}")));
+            assert!(
+                says.contains(&format!("box.{name}: {value} is not a length")),
+                "{says}"
+            );
+        }
+        let says = fault(&CABLAR.replace("background_gap_m = 0.70", "background_gap_m = 1e300"));
+        assert!(says.contains("box.background_gap_m: 1"), "{says}");
     }
 
     #[test]

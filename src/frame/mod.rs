@@ -28,7 +28,7 @@ mod scanner_model;
 pub(crate) mod toml_file;
 
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
-pub use config::{Calibration, Frame, FrameBox, Imu, Mounting, Plate, Scanner, Strip};
+pub use config::{Calibration, Frame, FrameBox, Imu, Plate, Scanner, Strip};
 pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
 pub use disc::{disc_centre, disc_share};
 pub use imu_axes::ImuAxes;

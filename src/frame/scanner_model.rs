@@ -117,8 +117,6 @@ pub struct ScannerModel {
     pub range_m: [f64; 2],
     /// Standard deviation of a range: up to the first number (m) it is the second (m), and so on.
     pub noise: &'static [(f64, f64)],
-    /// Bound of the systematic error, in the same bands.
-    pub systematic: &'static [(f64, f64)],
 }
 
 // Modes 10 to 16 of the telegram listing are interlaced. It leaves two of them open: 100 Hz with 1/6
@@ -156,7 +154,6 @@ const MODELS: &[ScannerModel] = &[
         },
         range_m: [0.2, 65.0],
         noise: &[(10.0, 0.007), (f64::INFINITY, 0.009)],
-        systematic: &[(10.0, 0.025), (f64::INFINITY, 0.035)],
     },
     ScannerModel {
         name: "lms511-sr",
@@ -168,7 +165,6 @@ const MODELS: &[ScannerModel] = &[
         },
         range_m: [0.2, 65.0],
         noise: &[(10.0, 0.006), (20.0, 0.008), (f64::INFINITY, 0.014)],
-        systematic: &[(10.0, 0.025), (20.0, 0.035), (f64::INFINITY, 0.050)],
     },
     ScannerModel {
         name: "lms200",
@@ -184,7 +180,6 @@ const MODELS: &[ScannerModel] = &[
         },
         range_m: [0.1, 80.0],
         noise: &[(f64::INFINITY, 0.005)],
-        systematic: &[(8.0, 0.015), (f64::INFINITY, 0.040)],
     },
     ScannerModel {
         name: "utm-30lx",
@@ -196,7 +191,6 @@ const MODELS: &[ScannerModel] = &[
         },
         range_m: [0.1, 30.0],
         noise: &[(10.0, 0.010), (f64::INFINITY, 0.030)],
-        systematic: &[(10.0, 0.030), (f64::INFINITY, 0.050)],
     },
 ];
 
@@ -213,12 +207,8 @@ impl ScannerModel {
 
     /// Standard deviation of one range by the data sheet, m.
     pub fn noise_m(&self, range_m: f64) -> f64 {
-        band(self.noise, range_m)
-    }
-
-    /// Bound of the systematic error by the data sheet, m.
-    pub fn systematic_m(&self, range_m: f64) -> f64 {
-        band(self.systematic, range_m)
+        let band = self.noise.iter().find(|(to_m, _)| range_m <= *to_m);
+        band.map_or(f64::NAN, |(_, sigma_m)| *sigma_m)
     }
 
     /// The valid mode nearest to a wanted pair, if it is that pair (resolutions as people write
@@ -247,13 +237,6 @@ impl ScannerModel {
             near
         }
     }
-}
-
-fn band(bands: &[(f64, f64)], range_m: f64) -> f64 {
-    bands
-        .iter()
-        .find(|(to_m, _)| range_m <= *to_m)
-        .map_or(f64::NAN, |(_, value)| *value)
 }
 
 #[cfg(test)]

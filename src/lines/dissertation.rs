@@ -18,7 +18,7 @@ use crate::frame::Frame;
 use crate::record::{
     BeamTable, Edge, EdgeKind, Face, FittedLine, NormalLine, ReflectorLines, Scan,
 };
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 /// Settings of the strategy.
@@ -118,8 +118,8 @@ impl Strategy {
     }
 
     /// Puts a scan's three lines into `out`, which has begun with the scan; false where one of them
-    /// was not found. Without a prediction, or where it was
-    /// too far off, the lines are looked for everywhere.
+    /// was not found. Without a prediction, or where it was too far off, the lines are looked for
+    /// everywhere.
     pub fn find_lines(&mut self, scan: &Scan, out: &mut ReflectorLines) -> bool {
         let lines = self.find(scan);
         self.previous = lines.map(|lines| lines.map(|line| line.normal));
@@ -201,8 +201,8 @@ impl Strategy {
 
     /// Beams of the right, upper and left line, eq. 4.23: up to the corner points.
     fn sectors(&self, [right, upper, left]: &[NormalLine; 3]) -> Option<[Range<usize>; 3]> {
-        let first = direction_of(corner_m(right, upper)?);
-        let second = direction_of(corner_m(upper, left)?);
+        let first = right.corner(upper)?.angle_rad;
+        let second = upper.corner(left)?.angle_rad;
         let table = &self.table;
         Some([
             table.index_range(-FRAC_PI_2, first),
@@ -248,21 +248,16 @@ impl Strategy {
         Some(line)
     }
 
-    /// Puts the ends of the strips on the upper line into `out`, whose lines were just found: steps 5
-    /// and 6.
-    pub fn find_strips(&mut self, out: &mut ReflectorLines) {
+    /// Puts the ends of the strips on the upper line into `out`, whose lines were just found in `scan`:
+    /// steps 5 and 6.
+    pub fn find_strips(&self, scan: &Scan, out: &mut ReflectorLines) {
         let upper = out.upper.normal;
         let lines = [out.right.normal, upper, out.left.normal];
         let Some([_, sector, _]) = self.sectors(&lines) else {
             return;
         };
-        let upper_beams = std::mem::take(&mut self.upper);
-        let inside: Vec<usize> = upper_beams
-            .iter()
-            .copied()
-            .filter(|i| sector.contains(i))
-            .collect();
-        self.upper = upper_beams;
+        let inside = self.upper.iter().copied();
+        let inside: Vec<usize> = inside.filter(|i| sector.contains(i)).collect();
         let is_one = |a: &usize, b: &usize| self.are_neighbours(upper, *a, *b);
         // For yaw and pitch near zero; strips are much further apart than that can be wrong.
         let y_m = 0.5 * (out.left.normal.d_m - out.right.normal.d_m);
@@ -276,26 +271,26 @@ impl Strategy {
             ] {
                 let angle_rad =
                     |beam: f64| self.table.angle_rad(0) + beam * self.table.increment_rad();
+                let (from_rad, to_rad) = (angle_rad(from), angle_rad(to));
                 out.edges.push(Edge {
                     face: Face::Upper,
                     strip,
                     kind,
-                    from_rad: angle_rad(from),
-                    to_rad: angle_rad(to),
+                    from_rad,
+                    to_rad,
+                    time_s: Strategy::time_at_s(scan, 0.5 * (from_rad + to_rad)),
                     ..Edge::default()
                 });
             }
         }
     }
 
-    /// When each of the edges was passed: from the scan's time from beam to beam.
-    pub fn date_edges(&self, scan: &Scan, out: &mut ReflectorLines) {
-        for edge in &mut out.edges {
-            let beams =
-                (0.5 * (edge.from_rad + edge.to_rad) - FRAC_PI_2) / scan.angle_increment_rad;
-            let time_s = beams * scan.time_increment_s;
-            edge.time_s = if time_s.is_finite() { time_s } else { 0.0 };
-        }
+    /// When a stated angle is passed, s after the reference instant; 0 where the scan does not say
+    /// when its beams fire.
+    fn time_at_s(scan: &Scan, angle_rad: f64) -> f64 {
+        let beams = (angle_rad - FRAC_PI_2) / scan.angle_increment_rad;
+        let time_s = beams * scan.time_increment_s;
+        if time_s.is_finite() { time_s } else { 0.0 }
     }
 
     /// Whether two beams on the line are of one segment, eq. 4.19: no further apart than neighbours
@@ -330,26 +325,3 @@ const SIGMA_FLOOR_M: f64 = 0.0005;
 
 /// The walls' distances add up to the frame's width to within this, m: range bias and yaw.
 const WIDTH_M: f64 = 0.15;
-
-/// Where two lines meet, m; none where they are parallel.
-fn corner_m(a: &NormalLine, b: &NormalLine) -> Option<[f64; 2]> {
-    let ((sa, ca), (sb, cb)) = (a.alpha_rad.sin_cos(), b.alpha_rad.sin_cos());
-    let det = ca * sb - sa * cb;
-    (det.abs() > 1e-6).then(|| {
-        [
-            (a.d_m * sb - b.d_m * sa) / det,
-            (b.d_m * ca - a.d_m * cb) / det,
-        ]
-    })
-}
-
-/// Direction of a point, rad, in (-pi/2, 3 pi/2].
-fn direction_of([y, z]: [f64; 2]) -> f64 {
-    let angle_rad = z.atan2(y);
-    if angle_rad <= -FRAC_PI_2 {
-        angle_rad + TAU
-    } else {
-        angle_rad
-    }
-    .min(PI + FRAC_PI_2)
-}

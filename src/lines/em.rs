@@ -6,14 +6,13 @@
 //! is taken large at first and shrinks. The best of some starts is taken, and the next line is
 //! looked for among the beams left.
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
-use super::fit::{InverseLine, InverseRangeSums};
-use super::pool::Pool;
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use super::extractor::ExtractorOptions;
+use super::fit::{BeamSlice, InverseLine, InverseRangeSums};
+use super::ransac::below;
+use super::taking::{Scene, Taker, Taking};
+use crate::record::Scan;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use std::ops::Range;
 
 /// Settings of the extractor.
@@ -47,59 +46,54 @@ impl Default for EmOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
-#[derive(Clone, Debug, Default)]
-pub struct Em {
-    /// The settings; may be changed between scans.
-    pub options: EmOptions,
-    returns: Returns,
-    pool: Pool,
-    assembly: Assembly,
+/// The extractor.
+pub type Em = Taking<Expectations>;
+
+/// Starts lines from beams drawn at random, and takes those that most beams are likely to be of.
+#[derive(Clone, Debug)]
+pub struct Expectations {
+    options: EmOptions,
+    rng: ChaCha8Rng,
+    /// The beams that may be of the next line.
     ids: Vec<usize>,
 }
 
-impl Em {
-    /// An extractor with the given settings.
-    pub fn new(options: EmOptions) -> Em {
-        Em {
+impl Taker for Expectations {
+    type Options = EmOptions;
+
+    fn new(options: EmOptions) -> Expectations {
+        Expectations {
             options,
-            ..Em::default()
+            rng: ChaCha8Rng::seed_from_u64(options.common.seed),
+            ids: Vec::new(),
         }
     }
 
-    fn search(&mut self, group: Range<usize>, rng: &mut ChaCha8Rng, out: &mut Vec<Segment>) {
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn begin(&mut self, _: &Scan, _: &mut Scene<'_>) {
+        self.rng = ChaCha8Rng::seed_from_u64(self.options.common.seed);
+    }
+
+    fn take(&mut self, group: Range<usize>, scene: &mut Scene<'_>) {
         let common = self.options.common;
+        let beams = scene.beams();
         self.ids.clear();
-        self.ids.extend(group.filter(|k| self.pool.is_free(*k)));
+        self.ids.extend(scene.free(group));
         let mut misses = 0;
         while self.ids.len() >= common.min_points && misses < self.options.trials {
-            let mut best: Option<(InverseLine, f64)> = None;
-            // A line that explains half of the beams left is not bettered by much.
-            for _ in 0..self.options.trials {
-                let found = self.maximise(rng);
-                if let Some((line, weight)) = found
-                    && best.is_none_or(|(_, most)| weight > most)
-                {
-                    best = Some((line, weight));
-                }
-                if best.is_some_and(|(_, weight)| weight > 0.5 * self.ids.len() as f64) {
-                    break;
-                }
-            }
+            let best = self.best_line(beams);
             let Some((line, _)) = best.filter(|(_, weight)| *weight >= common.min_points as f64)
             else {
                 break;
             };
             let sigma_m = common.segmentation.sigma_m;
-            let assembly = &mut self.assembly;
-            if self
-                .pool
-                .take(&self.returns, line, sigma_m, &common, assembly, out)
-            {
-                self.ids.retain(|k| self.pool.is_free(*k));
+            if scene.take(line, sigma_m) {
+                self.ids.retain(|k| scene.is_free(*k));
             } else {
                 misses += 1;
-                let beams = self.returns.beams();
                 let limit_m = common.trim_sigmas * sigma_m;
                 self.ids.retain(|k| {
                     let (r, y, z) = (beams.range_m[*k], beams.y_m[*k], beams.z_m[*k]);
@@ -108,13 +102,33 @@ impl Em {
             }
         }
     }
+}
+
+impl Expectations {
+    /// The best of some starts: its line and the sum of its probabilities.
+    fn best_line(&mut self, beams: BeamSlice<'_>) -> Option<(InverseLine, f64)> {
+        let mut best: Option<(InverseLine, f64)> = None;
+        // A line that explains half of the beams left is not bettered by much.
+        let enough = 0.5 * self.ids.len() as f64;
+        for _ in 0..self.options.trials {
+            let found = self.maximise(beams);
+            if let Some((line, weight)) = found
+                && best.is_none_or(|(_, most)| weight > most)
+            {
+                best = Some((line, weight));
+            }
+            if best.is_some_and(|(_, weight)| weight > enough) {
+                break;
+            }
+        }
+        best
+    }
 
     /// One start, turned until it stands still: the line and the sum of its probabilities.
-    fn maximise(&self, rng: &mut ChaCha8Rng) -> Option<(InverseLine, f64)> {
-        let beams = self.returns.beams();
+    fn maximise(&mut self, beams: BeamSlice<'_>) -> Option<(InverseLine, f64)> {
         let n = self.ids.len();
         let length = self.options.seed_beams.clamp(2, n);
-        let first = ((u64::from(rng.next_u32()) * (n - length + 1) as u64) >> 32) as usize;
+        let first = below(&mut self.rng, n - length + 1);
         let mut sums = InverseRangeSums::default();
         for k in &self.ids[first..first + length] {
             sums.add(beams.range_m[*k], beams.y_m[*k], beams.z_m[*k], 1.0);
@@ -159,32 +173,3 @@ impl Em {
 const FAR: f64 = -18.0;
 /// The noise shrinks by this from turn to turn.
 const SHRINK: f64 = 0.7;
-
-impl Extractor for Em {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
-        let common = self.options.common;
-        let mut rng = ChaCha8Rng::seed_from_u64(common.seed);
-        self.returns.read(scan, &common.segmentation);
-        self.assembly.begin(scan, &self.returns, &common);
-        self.pool.begin(&self.returns);
-        let groups: Vec<(usize, usize)> = self.returns.groups().collect();
-        for (from, to) in groups {
-            // Beams that were left aside may be of a line that lacked them.
-            let mut before = usize::MAX;
-            while out.len() != before {
-                before = out.len();
-                self.search(from..to, &mut rng, out);
-            }
-        }
-        self.assembly.end(out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
-    }
-}

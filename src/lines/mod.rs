@@ -14,7 +14,7 @@
 //! - [`known_lines`] a second look at a scan, with the lines of the first
 //! - [`runs`] runs of beams joined where one line explains them together
 //! - [`hough`], [`ransac`], [`em`] one line after the other, from the beams that no line has taken
-//! - [`pool`] those beams
+//! - [`taking`] what these share, [`pool`] those beams
 //! - [`methods`] all of them by name
 //! - [`assembly`] segments from beams on one line each
 //!
@@ -39,3 +39,4 @@ pub mod reflectors;
 pub mod runs;
 pub mod segmentation;
 pub mod split_and_merge;
+pub mod taking;

@@ -164,7 +164,7 @@ impl Pool {
         options: &ExtractorOptions,
     ) {
         let beams = returns.beams();
-        let d_m = 1.0 / line.a.hypot(line.b);
+        let d_m = line.d_m();
         self.runs.clear();
         let mut from = None;
         for k in 0..=beams.len() {

@@ -5,12 +5,10 @@
 //! Then the line's beams are taken and the next line is looked for. The draws begin anew with every
 //! scan, so that the same scan gives the same lines.
 
-use super::assembly::Assembly;
-use super::extractor::{Extractor, ExtractorOptions, Fate};
+use super::extractor::ExtractorOptions;
 use super::fit::InverseLine;
-use super::pool::Pool;
-use super::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use super::taking::{Scene, Taker, Taking};
+use crate::record::Scan;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::ops::Range;
@@ -43,25 +41,24 @@ impl Default for RansacOptions {
     }
 }
 
-/// The extractor: its settings and buffers.
-#[derive(Clone, Debug, Default)]
-pub struct Ransac {
-    /// The settings; may be changed between scans.
-    pub options: RansacOptions,
-    returns: Returns,
-    pool: Pool,
-    assembly: Assembly,
+/// The extractor.
+pub type Ransac = Taking<RandomPairs>;
+
+/// Draws pairs of free beams, and takes the lines that most beams agree with.
+#[derive(Clone, Debug)]
+pub struct RandomPairs {
+    options: RansacOptions,
+    rng: ChaCha8Rng,
     /// The beams that are drawn from: numbers, and what their residuals are made of.
     ids: Vec<u32>,
     r: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
-    trials: u64,
 }
 
 /// Trials after which a sample without outliers was among them with probability `confidence`, where
 /// `share` of the points are inliers and a sample is two points, eq. 4.12. At least 1.
-pub fn trials_needed(share: f64, confidence: f64) -> u32 {
+fn trials_needed(share: f64, confidence: f64) -> u32 {
     let clean = share * share;
     if clean >= 1.0 {
         return 1;
@@ -71,66 +68,63 @@ pub fn trials_needed(share: f64, confidence: f64) -> u32 {
     trials.ceil().clamp(1.0, f64::from(u32::MAX)) as u32
 }
 
-impl Ransac {
-    /// An extractor with the given settings.
-    pub fn new(options: RansacOptions) -> Ransac {
-        Ransac {
+impl Taker for RandomPairs {
+    type Options = RansacOptions;
+
+    fn new(options: RansacOptions) -> RandomPairs {
+        RandomPairs {
             options,
-            ..Ransac::default()
+            rng: ChaCha8Rng::seed_from_u64(options.common.seed),
+            ids: Vec::new(),
+            r: Vec::new(),
+            y: Vec::new(),
+            z: Vec::new(),
         }
     }
 
-    /// Trials made in the scan extracted last.
-    pub fn trials(&self) -> u64 {
-        self.trials
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
     }
 
-    fn search(&mut self, group: Range<usize>, rng: &mut ChaCha8Rng, out: &mut Vec<Segment>) {
+    fn begin(&mut self, _: &Scan, _: &mut Scene<'_>) {
+        self.rng = ChaCha8Rng::seed_from_u64(self.options.common.seed);
+    }
+
+    fn take(&mut self, group: Range<usize>, scene: &mut Scene<'_>) {
         let common = self.options.common;
-        let limit_m = self.options.inlier_sigmas * common.segmentation.sigma_m;
-        self.gather(group);
+        let sigma_m = common.segmentation.sigma_m;
+        let limit_m = (self.options.inlier_sigmas * sigma_m) as f32;
+        self.gather(group, scene);
         while self.ids.len() >= common.min_points {
-            let Some((line, votes)) = self.best_line(limit_m as f32, rng) else {
+            let Some((line, votes)) = self.best_line(limit_m) else {
                 break;
             };
             if votes < common.min_points {
                 break;
             }
-            let reach_m = common.segmentation.sigma_m;
-            let assembly = &mut self.assembly;
-            let taken = self
-                .pool
-                .take(&self.returns, line, reach_m, &common, assembly, out);
-            if taken {
-                let pool = &self.pool;
-                keep(
-                    &mut self.ids,
-                    [&mut self.r, &mut self.y, &mut self.z],
-                    |id, _| pool.is_free(id),
-                );
+            if scene.take(line, sigma_m) {
+                self.keep(|id, _| scene.is_free(id));
             } else {
                 // Beams of no wall: they are not drawn again.
                 let (a, b) = (line.a as f32, line.b as f32);
                 let before = self.ids.len();
-                keep(
-                    &mut self.ids,
-                    [&mut self.r, &mut self.y, &mut self.z],
-                    |_, [r, y, z]| (r * (a * y + b * z - 1.0)).abs() > limit_m as f32,
-                );
+                self.keep(|_, [r, y, z]| (r * (a * y + b * z - 1.0)).abs() > limit_m);
                 if self.ids.len() == before {
                     break;
                 }
             }
         }
     }
+}
 
-    fn gather(&mut self, group: Range<usize>) {
-        let beams = self.returns.beams();
+impl RandomPairs {
+    fn gather(&mut self, group: Range<usize>, scene: &Scene<'_>) {
+        let beams = scene.beams();
         self.ids.clear();
         for list in [&mut self.r, &mut self.y, &mut self.z] {
             list.clear();
         }
-        for k in group.filter(|k| self.pool.is_free(*k)) {
+        for k in scene.free(group) {
             self.ids.push(k as u32);
             self.r.push(beams.range_m[k] as f32);
             self.y.push(beams.y_m[k] as f32);
@@ -138,15 +132,30 @@ impl Ransac {
         }
     }
 
+    /// Keeps the beams that `stays` says, by their number or by range and point.
+    fn keep(&mut self, mut stays: impl FnMut(usize, [f32; 3]) -> bool) {
+        let mut kept = 0;
+        for k in 0..self.ids.len() {
+            let (id, [r, y, z]) = (self.ids[k], [self.r[k], self.y[k], self.z[k]]);
+            (self.ids[kept], self.r[kept]) = (id, r);
+            (self.y[kept], self.z[kept]) = (y, z);
+            kept += usize::from(stays(id as usize, [r, y, z]));
+        }
+        self.ids.truncate(kept);
+        for list in [&mut self.r, &mut self.y, &mut self.z] {
+            list.truncate(kept);
+        }
+    }
+
     /// Algorithm 4.1: trials until there were enough for the best share of inliers so far.
-    fn best_line(&mut self, limit_m: f32, rng: &mut ChaCha8Rng) -> Option<(InverseLine, usize)> {
+    fn best_line(&mut self, limit_m: f32) -> Option<(InverseLine, usize)> {
         let n = self.ids.len();
         let mut best: Option<(InverseLine, usize)> = None;
         let mut needed = self.options.max_trials;
         let mut trial = 0;
         while trial < needed {
             trial += 1;
-            let Some(line) = self.draw(rng) else { continue };
+            let Some(line) = self.draw() else { continue };
             let votes = self.votes(line, limit_m);
             if best.is_none_or(|(_, most)| votes > most) {
                 best = Some((line, votes));
@@ -155,17 +164,16 @@ impl Ransac {
                 needed = enough.min(self.options.max_trials);
             }
         }
-        self.trials += u64::from(trial);
         best
     }
 
     /// The line through two beams drawn at random.
-    fn draw(&self, rng: &mut ChaCha8Rng) -> Option<InverseLine> {
+    fn draw(&mut self) -> Option<InverseLine> {
         let n = self.ids.len();
-        let i = below(rng, n);
+        let i = below(&mut self.rng, n);
         let from = i.saturating_sub(self.options.reach);
         let to = (i + self.options.reach + 1).min(n);
-        let k = from + below(rng, to - from);
+        let k = from + below(&mut self.rng, to - from);
         let (y0, z0) = (f64::from(self.y[i]), f64::from(self.z[i]));
         let (y1, z1) = (f64::from(self.y[k]), f64::from(self.z[k]));
         // a y + b z = 1 at both.
@@ -188,56 +196,8 @@ impl Ransac {
 }
 
 /// A number below `n`, which is not 0. The bias of the plain product is below 1e-6 here.
-fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
+pub(super) fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
     ((u64::from(rng.next_u32()) * n as u64) >> 32) as usize
-}
-
-/// Keeps the beams that `stays` says.
-fn keep(
-    ids: &mut Vec<u32>,
-    [r, y, z]: [&mut Vec<f32>; 3],
-    mut stays: impl FnMut(usize, [f32; 3]) -> bool,
-) {
-    let mut kept = 0;
-    for k in 0..ids.len() {
-        let beam = (ids[k], r[k], y[k], z[k]);
-        (ids[kept], r[kept], y[kept], z[kept]) = beam;
-        kept += usize::from(stays(beam.0 as usize, [beam.1, beam.2, beam.3]));
-    }
-    ids.truncate(kept);
-    for list in [r, y, z] {
-        list.truncate(kept);
-    }
-}
-
-impl Extractor for Ransac {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
-        let common = self.options.common;
-        let mut rng = ChaCha8Rng::seed_from_u64(common.seed);
-        self.returns.read(scan, &common.segmentation);
-        self.assembly.begin(scan, &self.returns, &common);
-        self.pool.begin(&self.returns);
-        self.trials = 0;
-        let groups: Vec<(usize, usize)> = self.returns.groups().collect();
-        for (from, to) in groups {
-            // Beams that were left aside may be of a line that lacked them.
-            let mut before = usize::MAX;
-            while out.len() != before {
-                before = out.len();
-                self.search(from..to, &mut rng, out);
-            }
-        }
-        self.assembly.end(out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
-    }
 }
 
 #[cfg(test)]

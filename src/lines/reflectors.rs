@@ -264,7 +264,7 @@ impl ReflectorFit {
                 tukey_m,
                 gap_m: self.gap_m.unwrap_or(f64::INFINITY),
             };
-            let sectors = sectors(&lines, &self.beams);
+            let sectors = sectors(&lines, &self.beams)?;
             let motion = self.beams.motion();
             let mut sums = [LineSums::default(); 3];
             for ((sums, line), sector) in sums.iter_mut().zip(&lines).zip(sectors) {
@@ -391,7 +391,8 @@ impl ReflectorFit {
             ..motion
         };
         // Which reflector a beam met is known from where it really was.
-        for (line, run) in fit.lines.iter().zip(sectors(&fit.lines, &self.beams)) {
+        let runs = sectors(&fit.lines, &self.beams).into_iter().flatten();
+        for (line, run) in fit.lines.iter().zip(runs) {
             let (sin, cos) = line.alpha_rad.sin_cos();
             let normal_m_s = origins.vy_m_s * cos + origins.vz_m_s * sin;
             for i in run {
@@ -469,33 +470,20 @@ fn residual_sigma(sums: &[LineSums; 3], weighted: bool) -> f64 {
 }
 
 /// Beam indices of right, upper and left line, bounded by the corners where two lines meet, less
-/// one beam on each side (its spot covers both).
-fn sectors(lines: &[NormalLine; 3], beams: &BeamTable) -> [Range<usize>; 3] {
+/// one beam on each side (its spot covers both); none where two lines are parallel.
+fn sectors(lines: &[NormalLine; 3], beams: &BeamTable) -> Option<[Range<usize>; 3]> {
     let margin = beams.increment_rad();
-    let beam_at = |(angle_rad, distance_m)| beams.angle_towards(angle_rad, distance_m);
-    let first = beam_at(corner(&lines[0], &lines[1]));
-    let second = beam_at(corner(&lines[1], &lines[2]));
-    [
+    let corner = |a: &NormalLine, b: &NormalLine| {
+        let corner = a.corner(b)?;
+        Some(beams.angle_towards(corner.angle_rad, corner.distance_m))
+    };
+    let [right, upper, left] = lines;
+    let (first, second) = (corner(right, upper)?, corner(upper, left)?);
+    Some([
         beams.index_range(-FRAC_PI_2, first - margin),
         beams.index_range(first + margin, second - margin),
         beams.index_range(second + margin, 3.0 * FRAC_PI_2),
-    ]
-}
-
-/// Where two lines meet: direction, rad, in (-pi/2, 3 pi/2], and distance, m.
-fn corner(a: &NormalLine, b: &NormalLine) -> (f64, f64) {
-    let ((sa, ca), (sb, cb)) = (a.alpha_rad.sin_cos(), b.alpha_rad.sin_cos());
-    let y = a.d_m * sb - b.d_m * sa;
-    let z = b.d_m * ca - a.d_m * cb;
-    // For normals a quarter turn apart the determinant is positive.
-    let determinant = ca * sb - sa * cb;
-    let angle = z.atan2(y);
-    let angle = if angle <= -FRAC_PI_2 {
-        angle + 2.0 * PI
-    } else {
-        angle
-    };
-    (angle, y.hypot(z) / determinant.abs().max(1e-9))
+    ])
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What became of each beam when lines were looked for: `extract-lines --explain`.
 
+use super::columns::columns;
 use super::time::Stamp;
 
 /// One beam of a scan, and why it is on a line or on none.
@@ -36,7 +37,7 @@ impl Default for BeamFate {
     }
 }
 
-super::columns::columns!(BeamFate, kind = "beam", stamp = stamp, {
+columns!(BeamFate, kind = "beam", stamp = stamp, {
     Required "stamp_ns" => stamp;
     Required "seq" => seq;
     Required "beam" => beam;

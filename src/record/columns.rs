@@ -89,10 +89,12 @@ pub trait Record: Clone + Default {
     fn visit_mut<V: VisitMut>(&mut self, visitor: &mut V) -> Result<(), V::Error>;
 }
 
-/// Implements [`Record`] (or only the two visits, for a part of a record) from one list of columns.
+/// Implements [`Record`] from one list of columns. What stands behind `=>` is a field, or a part of
+/// one: `stamp`, `normal.d_m`, `rms_m[0]`.
 macro_rules! columns {
     ($type:ty, kind = $kind:literal, stamp = $stamp:ident, {
-        $($presence:ident $name:literal => $field:ident;)*
+        $($presence:ident $name:literal
+            => $field:ident $(.$part:ident)* $([$index:literal])*;)*
     }) => {
         impl $crate::record::Record for $type {
             const KIND: &'static str = $kind;
@@ -100,7 +102,11 @@ macro_rules! columns {
                 self.$stamp
             }
             fn visit<V: $crate::record::Visit>(&self, visitor: &mut V) -> Result<(), V::Error> {
-                $(visitor.column($name, $crate::record::Presence::$presence, &self.$field)?;)*
+                $(visitor.column(
+                    $name,
+                    $crate::record::Presence::$presence,
+                    &self.$field $(.$part)* $([$index])*,
+                )?;)*
                 Ok(())
             }
             fn visit_mut<V: $crate::record::VisitMut>(
@@ -110,7 +116,7 @@ macro_rules! columns {
                 $(visitor.column(
                     $name,
                     $crate::record::Presence::$presence,
-                    &mut self.$field,
+                    &mut self.$field $(.$part)* $([$index])*,
                 )?;)*
                 Ok(())
             }

@@ -1,5 +1,6 @@
 //! The error that is left of a measured trajectory when a delay is assumed.
 
+use super::columns::columns;
 use super::time::Stamp;
 
 /// One point of the curve of error against delay.
@@ -29,34 +30,14 @@ impl Default for DelayPoint {
     }
 }
 
-const RMS_COLUMNS: [&str; 3] = ["rms_x_m", "rms_y_m", "rms_z_m"];
-const MAX_COLUMNS: [&str; 3] = ["max_x_m", "max_y_m", "max_z_m"];
-
-impl super::Record for DelayPoint {
-    const KIND: &'static str = "delay";
-    fn stamp(&self) -> Stamp {
-        self.stamp
-    }
-    fn visit<V: super::Visit>(&self, v: &mut V) -> Result<(), V::Error> {
-        use super::Presence::{Optional, Required};
-        v.column("stamp_ns", Required, &self.stamp)?;
-        v.column("delay_s", Required, &self.delay_s)?;
-        v.column("samples", Optional, &self.samples)?;
-        let columns = RMS_COLUMNS.iter().chain(&MAX_COLUMNS);
-        for (name, value) in columns.zip(self.rms_m.iter().chain(&self.max_m)) {
-            v.column(name, Required, value)?;
-        }
-        Ok(())
-    }
-    fn visit_mut<V: super::VisitMut>(&mut self, v: &mut V) -> Result<(), V::Error> {
-        use super::Presence::{Optional, Required};
-        v.column("stamp_ns", Required, &mut self.stamp)?;
-        v.column("delay_s", Required, &mut self.delay_s)?;
-        v.column("samples", Optional, &mut self.samples)?;
-        let columns = RMS_COLUMNS.iter().chain(&MAX_COLUMNS);
-        for (name, value) in columns.zip(self.rms_m.iter_mut().chain(&mut self.max_m)) {
-            v.column(name, Required, value)?;
-        }
-        Ok(())
-    }
-}
+columns!(DelayPoint, kind = "delay", stamp = stamp, {
+    Required "stamp_ns" => stamp;
+    Required "delay_s" => delay_s;
+    Optional "samples" => samples;
+    Required "rms_x_m" => rms_m[0];
+    Required "rms_y_m" => rms_m[1];
+    Required "rms_z_m" => rms_m[2];
+    Required "max_x_m" => max_m[0];
+    Required "max_y_m" => max_m[1];
+    Required "max_z_m" => max_m[2];
+});

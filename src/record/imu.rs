@@ -17,11 +17,14 @@ pub enum Axes {
 }
 
 impl Axes {
-    const NAMES: [(Axes, &'static str); 3] = [
-        (Axes::Ned, "ned"),
-        (Axes::Enu, "enu"),
-        (Axes::Platform, "platform"),
-    ];
+    const ALL: [Axes; 3] = [Axes::Ned, Axes::Enu, Axes::Platform];
+
+    /// The axes of a name in the axes column.
+    fn named(name: &[u8]) -> Option<Axes> {
+        Axes::ALL
+            .into_iter()
+            .find(|axes| axes.name().as_bytes() == name)
+    }
 
     /// The name in the axes column.
     pub fn name(self) -> &'static str {
@@ -43,22 +46,18 @@ impl Value for Axes {
         out.extend_from_slice(self.name().as_bytes());
     }
     fn parse_text(&mut self, text: &[u8]) -> Result<(), ValueError> {
-        if text.is_empty() {
-            *self = Axes::Platform;
-            return Ok(());
-        }
-        let known = Axes::NAMES.iter().find(|(_, name)| name.as_bytes() == text);
-        *self = known.ok_or(ValueError::Not("ned, enu or platform"))?.0;
+        *self = if text.is_empty() {
+            Axes::Platform
+        } else {
+            Axes::named(text).ok_or(ValueError::Not("ned, enu or platform"))?
+        };
         Ok(())
     }
     fn to_wire(&self) -> impl Serialize {
         self.name()
     }
     fn from_wire(wire: String) -> Axes {
-        Axes::NAMES
-            .iter()
-            .find(|(_, name)| *name == wire)
-            .map_or(Axes::Platform, |(axes, _)| *axes)
+        Axes::named(wire.as_bytes()).unwrap_or_default()
     }
 }
 

@@ -5,6 +5,7 @@ use super::time::Stamp;
 use super::{Presence, Scan, ScanMotion, upper_index};
 use serde::de::{self, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
 
 /// A line in the scan plane of S: `y cos(alpha) + z sin(alpha) = d`, `d >= 0`.
@@ -28,7 +29,6 @@ impl NormalLine {
 
     /// The line with d >= 0 and alpha in (-pi/2, 3 pi/2].
     pub fn new(d_m: f64, alpha_rad: f64) -> NormalLine {
-        use std::f64::consts::{FRAC_PI_2, PI, TAU};
         let (d_m, mut alpha_rad) = if d_m < 0.0 {
             (-d_m, alpha_rad + PI)
         } else {
@@ -44,6 +44,36 @@ impl NormalLine {
     pub fn range_m(&self, angle_rad: f64) -> f64 {
         self.d_m / (angle_rad - self.alpha_rad).cos()
     }
+
+    /// Where two lines meet; none where they are parallel.
+    pub fn corner(&self, other: &NormalLine) -> Option<Corner> {
+        let (sin, cos) = self.alpha_rad.sin_cos();
+        let (other_sin, other_cos) = other.alpha_rad.sin_cos();
+        let determinant = cos * other_sin - sin * other_cos;
+        if !(determinant.abs() > 1e-6) {
+            return None;
+        }
+        let y_m = (self.d_m * other_sin - other.d_m * sin) / determinant;
+        let z_m = (other.d_m * cos - self.d_m * other_cos) / determinant;
+        let angle_rad = z_m.atan2(y_m);
+        Some(Corner {
+            angle_rad: if angle_rad <= -FRAC_PI_2 {
+                angle_rad + TAU
+            } else {
+                angle_rad
+            },
+            distance_m: y_m.hypot(z_m),
+        })
+    }
+}
+
+/// Where two lines meet, seen from the scanner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// Direction in the scan plane, in (-pi/2, 3 pi/2], rad.
+    pub angle_rad: f64,
+    /// Distance, m.
+    pub distance_m: f64,
 }
 
 /// A line fitted to beams, with its covariance.
@@ -159,6 +189,10 @@ pub enum Face {
     Upper,
     /// The wall y = -dy/2, scanned last.
     Left,
+}
+impl Face {
+    /// The faces in the order in which a scan meets them.
+    pub const ALL: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 }
 tokens!(Face, "a list of right, upper, left", Right "right", Upper "upper", Left "left");
 
@@ -311,7 +345,7 @@ impl ReflectorLines {
         let mut joint_cov = std::mem::take(&mut self.joint_cov);
         edges.clear();
         joint_cov.clear();
-        let beams = (std::f64::consts::FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
+        let beams = (FRAC_PI_2 - scan.angle_min_rad) / scan.angle_increment_rad;
         let after_s = beams * scan.time_increment_s;
         *self = ReflectorLines {
             stamp: scan
@@ -517,7 +551,6 @@ impl EdgeColumns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::{FRAC_PI_2, PI};
 
     #[test]
     fn alpha_stays_off_the_seam() {
@@ -526,5 +559,26 @@ mod tests {
         assert!((NormalLine::new(2.0, 7.0).alpha_rad - (7.0 - 2.0 * PI)).abs() < 1e-15);
         assert!((NormalLine::new(2.0, -3.0).alpha_rad - (2.0 * PI - 3.0)).abs() < 1e-15);
         assert_eq!(NormalLine::new(2.0, PI).alpha_rad, PI);
+    }
+
+    #[test]
+    fn a_corner_lies_on_both_lines() {
+        for roll_rad in [-0.1, 0.0, 0.07] {
+            let right = NormalLine::new(3.1, -roll_rad);
+            let upper = NormalLine::new(2.7, FRAC_PI_2 - roll_rad);
+            let left = NormalLine::new(7.3, PI - roll_rad);
+            let lower = NormalLine::new(1.5, -FRAC_PI_2 - roll_rad);
+            for (a, b) in [(right, upper), (upper, left), (left, lower), (lower, right)] {
+                for (a, b) in [(a, b), (b, a)] {
+                    let corner = a.corner(&b).unwrap();
+                    for line in [a, b] {
+                        let range_m = line.range_m(corner.angle_rad);
+                        assert!((range_m - corner.distance_m).abs() < 1e-12, "{corner:?}");
+                    }
+                    assert!(corner.angle_rad > -FRAC_PI_2 && corner.angle_rad <= 1.5 * PI);
+                }
+            }
+            assert_eq!(right.corner(&left), None);
+        }
     }
 }

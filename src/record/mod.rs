@@ -30,14 +30,16 @@ pub use columns::{Presence, Record, Value, ValueError, Visit, VisitMut};
 pub use delay::DelayPoint;
 pub use imu::{Axes, ImuSample};
 pub use lines::{
-    Edge, EdgeBasis, EdgeKind, Face, FittedLine, LINE_STATE, NormalLine, ReflectorLines,
+    Corner, Edge, EdgeBasis, EdgeKind, Face, FittedLine, LINE_STATE, NormalLine, ReflectorLines,
 };
 pub use pose::{POSE_STATE, Pose};
 pub use scan::{Encoder, Ranges, Scan, ScanInfo};
+pub(crate) use scan::{FURTHER_RANGES, FURTHER_REMISSIONS};
 pub use segment::Segment;
 pub use status::Status;
 pub use time::Stamp;
 pub use trajectory::TrajectoryPoint;
+pub(crate) use trajectory::{POSE_COLUMNS, VELOCITY_COLUMNS};
 
 /// Index into the upper triangle, stored row by row, of a symmetric `n` by `n` matrix.
 ///

@@ -83,6 +83,16 @@ impl Scan {
     pub fn angle_rad(&self, i: usize) -> f64 {
         self.angle_min_rad + i as f64 * self.angle_increment_rad
     }
+
+    /// Leaves no empty echo at the end of the further ones.
+    pub(crate) fn drop_absent_echoes(&mut self) {
+        while self.further_ranges_m.last().is_some_and(|r| r.is_empty()) {
+            self.further_ranges_m.pop();
+        }
+        while self.further_remissions.last().is_some_and(Vec::is_empty) {
+            self.further_remissions.pop();
+        }
+    }
 }
 
 /// An encoder's block in a telegram.
@@ -289,9 +299,11 @@ impl Value for Ranges {
     }
 }
 
-const FURTHER_RANGES: [&str; MAX_ECHOES - 1] =
+/// The columns of [`Scan::further_ranges_m`].
+pub(crate) const FURTHER_RANGES: [&str; MAX_ECHOES - 1] =
     ["ranges_2_mm", "ranges_3_mm", "ranges_4_mm", "ranges_5_mm"];
-const FURTHER_REMISSIONS: [&str; MAX_ECHOES - 1] = [
+/// The columns of [`Scan::further_remissions`].
+pub(crate) const FURTHER_REMISSIONS: [&str; MAX_ECHOES - 1] = [
     "remissions_2",
     "remissions_3",
     "remissions_4",
@@ -364,16 +376,7 @@ impl Record for Scan {
         for (name, remissions) in FURTHER_REMISSIONS.iter().zip(&mut self.further_remissions) {
             v.column(name, Extra, remissions)?;
         }
-        while self
-            .further_ranges_m
-            .last()
-            .is_some_and(|ranges_m| ranges_m.is_empty())
-        {
-            self.further_ranges_m.pop();
-        }
-        while self.further_remissions.last().is_some_and(Vec::is_empty) {
-            self.further_remissions.pop();
-        }
+        self.drop_absent_echoes();
         let info = self.info.get_or_insert_default();
         info.visit_mut(v)?;
         // A stream without a device's columns has no telegram behind it.

@@ -1,5 +1,6 @@
 //! Straight lines of a general scene, one record a line.
 
+use super::columns::columns;
 use super::lines::NormalLine;
 use super::time::Stamp;
 
@@ -39,44 +40,19 @@ impl Default for Segment {
     }
 }
 
-impl super::Record for Segment {
-    const KIND: &'static str = "segment";
-    fn stamp(&self) -> Stamp {
-        self.stamp
-    }
-    fn visit<V: super::Visit>(&self, v: &mut V) -> Result<(), V::Error> {
-        use super::Presence::Required;
-        v.column("stamp_ns", Required, &self.stamp)?;
-        v.column("seq", Required, &self.seq)?;
-        v.column("line", Required, &self.line)?;
-        v.column("d_m", Required, &self.normal.d_m)?;
-        v.column("alpha_rad", Required, &self.normal.alpha_rad)?;
-        for (name, value) in END_COLUMNS.iter().zip(self.ends_m.iter().flatten()) {
-            v.column(name, Required, value)?;
-        }
-        v.column("points", Required, &self.points)?;
-        for (name, value) in COVARIANCE_COLUMNS.iter().zip(&self.covariance) {
-            v.column(name, Required, value)?;
-        }
-        v.column("rms_m", Required, &self.rms_m)
-    }
-    fn visit_mut<V: super::VisitMut>(&mut self, v: &mut V) -> Result<(), V::Error> {
-        use super::Presence::Required;
-        v.column("stamp_ns", Required, &mut self.stamp)?;
-        v.column("seq", Required, &mut self.seq)?;
-        v.column("line", Required, &mut self.line)?;
-        v.column("d_m", Required, &mut self.normal.d_m)?;
-        v.column("alpha_rad", Required, &mut self.normal.alpha_rad)?;
-        for (name, value) in END_COLUMNS.iter().zip(self.ends_m.iter_mut().flatten()) {
-            v.column(name, Required, value)?;
-        }
-        v.column("points", Required, &mut self.points)?;
-        for (name, value) in COVARIANCE_COLUMNS.iter().zip(&mut self.covariance) {
-            v.column(name, Required, value)?;
-        }
-        v.column("rms_m", Required, &mut self.rms_m)
-    }
-}
-
-const END_COLUMNS: [&str; 4] = ["x0_m", "y0_m", "x1_m", "y1_m"];
-const COVARIANCE_COLUMNS: [&str; 3] = ["cov_dd", "cov_da", "cov_aa"];
+columns!(Segment, kind = "segment", stamp = stamp, {
+    Required "stamp_ns" => stamp;
+    Required "seq" => seq;
+    Required "line" => line;
+    Required "d_m" => normal.d_m;
+    Required "alpha_rad" => normal.alpha_rad;
+    Required "x0_m" => ends_m[0][0];
+    Required "y0_m" => ends_m[0][1];
+    Required "x1_m" => ends_m[1][0];
+    Required "y1_m" => ends_m[1][1];
+    Required "points" => points;
+    Required "cov_dd" => covariance[0];
+    Required "cov_da" => covariance[1];
+    Required "cov_aa" => covariance[2];
+    Required "rms_m" => rms_m;
+});

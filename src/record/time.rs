@@ -26,13 +26,13 @@ impl Stamp {
 
     /// Seconds from `earlier` to this instant; exact to the nanosecond for spans below 104 days.
     pub fn since_s(self, earlier: Stamp) -> f64 {
-        self.0.wrapping_sub(earlier.0) as f64 * 1e-9
+        (self - earlier) as f64 * 1e-9
     }
 }
 
 impl Add<i64> for Stamp {
     type Output = Stamp;
-    /// Moves the instant by whole nanoseconds.
+    /// Moves the instant by whole nanoseconds (saturating).
     fn add(self, ns: i64) -> Stamp {
         Stamp(self.0.saturating_add(ns))
     }
@@ -40,7 +40,7 @@ impl Add<i64> for Stamp {
 
 impl Sub for Stamp {
     type Output = i64;
-    /// Whole nanoseconds between two instants.
+    /// Whole nanoseconds between two instants (saturating).
     fn sub(self, other: Stamp) -> i64 {
         self.0.saturating_sub(other.0)
     }
@@ -49,5 +49,20 @@ impl Sub for Stamp {
 impl fmt::Display for Stamp {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_keep_their_sign_at_the_ends_of_time() {
+        let (first, last) = (Stamp::from_ns(i64::MIN), Stamp::from_ns(i64::MAX));
+        let now = Stamp::from_ns(1_700_000_000_123_456_789);
+        assert!(now.since_s(first) > 9.2e9 && first.since_s(now) < -9.2e9);
+        assert!(last.since_s(first) > 9.2e9 && (last - first) == i64::MAX);
+        assert_eq!(now.plus_s(1.5).since_s(now), 1.5);
+        assert_eq!((last + 1, last.plus_s(1.0)), (last, last));
     }
 }

@@ -60,6 +60,7 @@ impl super::Record for TrajectoryPoint {
 }
 
 /// Names of the six pose columns, as poses and trajectories have them.
-pub(super) const POSE_COLUMNS: [&str; 6] =
+pub(crate) const POSE_COLUMNS: [&str; 6] =
     ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"];
-const VELOCITY_COLUMNS: [&str; 3] = ["vx_m_s", "vy_m_s", "vz_m_s"];
+/// Names of the three velocity columns of a trajectory.
+pub(crate) const VELOCITY_COLUMNS: [&str; 3] = ["vx_m_s", "vy_m_s", "vz_m_s"];

@@ -12,7 +12,7 @@
 
 use super::kinematics::{KinematicsError, Winches};
 use super::{Place, Pose, Robot};
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6};
 use std::fmt;
 use std::str::FromStr;
 
@@ -81,6 +81,9 @@ pub enum CalibrationError {
     /// No cable of the robot is in the group.
     #[error("no cable has the group \"{0}\"")]
     Group(String),
+    /// Nothing is looked for.
+    #[error("no group and axis are given")]
+    NoUnknown,
     /// Nothing was measured.
     #[error("no place has a measured pose")]
     NoPlace,
@@ -143,54 +146,21 @@ pub fn calibrate(
             return Err(CalibrationError::Group(unknown.group.clone()));
         }
     }
+    if unknowns.is_empty() {
+        return Err(CalibrationError::NoUnknown);
+    }
     if places.is_empty() {
         return Err(CalibrationError::NoPlace);
     }
-    // Rows are whitened: W W^T is the inverse of the covariance.
-    let whitening: Vec<Matrix6<f64>> = places
-        .iter()
-        .enumerate()
-        .map(|(k, place)| {
-            let inverse = place.covariance.cholesky().map(|c| c.inverse());
-            let factor = inverse.and_then(|inverse| inverse.cholesky());
-            factor
-                .map(|f| f.l().transpose())
-                .ok_or(CalibrationError::Covariance(k + 1))
-        })
-        .collect::<Result<_, _>>()?;
+    let whitening = whitening(places)?;
     let n = unknowns.len();
     let mut shifts = DVector::zeros(n);
     let mut covariance = DMatrix::zeros(n, n);
     for _ in 0..STEPS {
-        let left = differences(belief, places, unknowns, &shifts)?;
-        let mut normal = DMatrix::zeros(n, n);
-        let mut slope = DVector::zeros(n);
-        let mut columns: Vec<Vec<Pose>> = Vec::with_capacity(n);
-        for k in 0..n {
-            let step = DVector::from_fn(n, |i, _| if i == k { DIFFERENCE_M } else { 0.0 });
-            let above = differences(belief, places, unknowns, &(&shifts + &step))?;
-            let below = differences(belief, places, unknowns, &(&shifts - &step))?;
-            let slope = |(a, b): (&Pose, &Pose)| (b - a) / (2.0 * DIFFERENCE_M);
-            columns.push(above.iter().zip(&below).map(slope).collect());
-        }
-        for (p, whiten) in whitening.iter().enumerate() {
-            let rows: Vec<Pose> = columns.iter().map(|column| whiten * column[p]).collect();
-            let error = whiten * left[p];
-            for (i, row) in rows.iter().enumerate() {
-                slope[i] += row.dot(&error);
-                for (j, other) in rows.iter().enumerate() {
-                    normal[(i, j)] += row.dot(other);
-                }
-            }
-        }
-        let factor = shown(&normal).and_then(|()| normal.clone().cholesky());
-        let Some(factor) = factor else {
-            return Err(CalibrationError::NotShown(names(unknowns)));
-        };
+        let Equations { normal, slope } =
+            Equations::at(belief, places, unknowns, &shifts, &whitening)?;
+        let factor = shown(&normal).ok_or_else(|| CalibrationError::NotShown(names(unknowns)))?;
         covariance = factor.inverse();
-        if (0..n).any(|i| !(covariance[(i, i)] < SHOWN_M * SHOWN_M)) {
-            return Err(CalibrationError::NotShown(names(unknowns)));
-        }
         let step = factor.solve(&slope);
         shifts += &step;
         let small = |i: usize| step[i].abs() < SMALL * covariance[(i, i)].sqrt();
@@ -224,16 +194,73 @@ fn names(unknowns: &[Unknown]) -> String {
     names.join(" and ")
 }
 
-/// Whether normal equations show every unknown apart from the others.
-fn shown(normal: &DMatrix<f64>) -> Option<()> {
+/// What makes a place's components independent and alike: W with W^T W the inverse of its covariance.
+fn whitening(places: &[Place]) -> Result<Vec<Matrix6<f64>>, CalibrationError> {
+    let of_place = |(k, place): (usize, &Place)| {
+        let inverse = place.covariance.cholesky().map(|c| c.inverse());
+        let factor = inverse.and_then(|inverse| inverse.cholesky());
+        factor
+            .map(|f| f.l().transpose())
+            .ok_or(CalibrationError::Covariance(k + 1))
+    };
+    places.iter().enumerate().map(of_place).collect()
+}
+
+/// The normal equations of a step.
+struct Equations {
+    normal: DMatrix<f64>,
+    slope: DVector<f64>,
+}
+
+impl Equations {
+    /// Those at pulleys shifted so, with derivatives by central differences.
+    fn at(
+        belief: &Robot,
+        places: &[Place],
+        unknowns: &[Unknown],
+        shifts: &DVector<f64>,
+        whitening: &[Matrix6<f64>],
+    ) -> Result<Equations, KinematicsError> {
+        let n = unknowns.len();
+        let left = differences(belief, places, unknowns, shifts)?;
+        let mut columns: Vec<Vec<Pose>> = Vec::with_capacity(n);
+        for k in 0..n {
+            let step = DVector::from_fn(n, |i, _| if i == k { DIFFERENCE_M } else { 0.0 });
+            let above = differences(belief, places, unknowns, &(shifts + &step))?;
+            let below = differences(belief, places, unknowns, &(shifts - &step))?;
+            let slope = |(a, b): (&Pose, &Pose)| (b - a) / (2.0 * DIFFERENCE_M);
+            columns.push(above.iter().zip(&below).map(slope).collect());
+        }
+        let (mut normal, mut slope) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for (p, whiten) in whitening.iter().enumerate() {
+            let rows: Vec<Pose> = columns.iter().map(|column| whiten * column[p]).collect();
+            let error = whiten * left[p];
+            for (i, row) in rows.iter().enumerate() {
+                slope[i] += row.dot(&error);
+                for (j, other) in rows.iter().enumerate() {
+                    normal[(i, j)] += row.dot(other);
+                }
+            }
+        }
+        Ok(Equations { normal, slope })
+    }
+}
+
+/// The normal equations' factor, if they show every unknown, and apart from the others.
+fn shown(normal: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
     let n = normal.nrows();
     let scale: Vec<f64> = (0..n).map(|i| normal[(i, i)].sqrt()).collect();
     if scale.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
         return None;
     }
     let correlation = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] / (scale[i] * scale[j]));
-    let least = correlation.symmetric_eigenvalues().min();
-    (least > 1e-9).then_some(())
+    if !(correlation.symmetric_eigenvalues().min() > 1e-9) {
+        return None;
+    }
+    let factor = normal.clone().cholesky()?;
+    let covariance = factor.inverse();
+    let known = |i: usize| covariance[(i, i)] < SHOWN_M * SHOWN_M;
+    (0..n).all(known).then_some(factor)
 }
 
 /// Measured minus predicted, for pulleys shifted so.
@@ -379,6 +406,8 @@ mod tests {
         assert_eq!(found, Err(CalibrationError::Group("middle".into())));
         let found = calibrate(&cablar(), &[], &[unknown("upper.z")]);
         assert_eq!(found, Err(CalibrationError::NoPlace));
+        let found = calibrate(&cablar(), &places, &[]);
+        assert_eq!(found, Err(CalibrationError::NoUnknown));
         let mut flat = places;
         flat[2].covariance[(4, 4)] = 0.0;
         let found = calibrate(&cablar(), &flat, &[unknown("upper.z")]);

@@ -45,7 +45,10 @@ pub(super) fn encode_columns<R: Record>(
     record: &R,
     keep: Keep,
 ) -> Result<(), BadField> {
-    struct Encode<'a>(CdrSerializer<&'a mut Vec<u8>, LittleEndian>, Keep);
+    struct Encode<'a> {
+        output: CdrSerializer<&'a mut Vec<u8>, LittleEndian>,
+        keep: Keep,
+    }
     impl Visit for Encode<'_> {
         type Error = BadField;
         fn column<T: Value>(
@@ -54,15 +57,18 @@ pub(super) fn encode_columns<R: Record>(
             _: Presence,
             value: &T,
         ) -> Result<(), BadField> {
-            if !self.1(name) {
+            if !(self.keep)(name) {
                 return Ok(());
             }
-            let result = value.to_wire().serialize(&mut self.0);
+            let result = value.to_wire().serialize(&mut self.output);
             result.map_err(|error| BadField::new(name, error.to_string()))
         }
     }
     out.extend_from_slice(&HEADER);
-    record.visit(&mut Encode(CdrSerializer::new(out), keep))
+    record.visit(&mut Encode {
+        output: CdrSerializer::new(out),
+        keep,
+    })
 }
 
 /// A message's bytes behind the header.
@@ -117,7 +123,13 @@ pub(super) fn decode_columns<R: Record>(
     keep: Keep,
     parallel: Option<&'static str>,
 ) -> Result<(), BadField> {
-    struct Decode<'a>(CdrDeserializer<'a, LittleEndian>, Keep, ListLengths, usize);
+    struct Decode<'a> {
+        input: CdrDeserializer<'a, LittleEndian>,
+        /// Bytes that there are.
+        length: usize,
+        keep: Keep,
+        lists: ListLengths,
+    }
     impl VisitMut for Decode<'_> {
         type Error = BadField;
         fn column<T: Value>(
@@ -126,21 +138,64 @@ pub(super) fn decode_columns<R: Record>(
             presence: Presence,
             value: &mut T,
         ) -> Result<(), BadField> {
-            if !self.1(name) {
+            if !(self.keep)(name) {
                 return Ok(());
             }
-            if presence == Presence::Extra && self.0.bytes_consumed() >= self.3 {
-                *value = T::default();
-                return Ok(());
+            if presence == Presence::Extra && self.input.bytes_consumed() >= self.length {
+                // The value that an empty field stands for: the default of a number is 0.
+                return value
+                    .parse_text(b"")
+                    .map_err(|error| BadField::new(name, error.to_string()));
             }
-            let wire = T::Wire::deserialize(&mut self.0)
+            let wire = T::Wire::deserialize(&mut self.input)
                 .map_err(|error| BadField::new(name, error.to_string()))?;
             *value = T::from_wire(wire);
-            self.2.see(name, presence, value)
+            self.lists.see(name, presence, value)
         }
     }
     let body = body(bytes)?;
-    let input = CdrDeserializer::new(body);
-    let lengths = ListLengths::new(parallel);
-    record.visit_mut(&mut Decode(input, keep, lengths, body.len()))
+    record.visit_mut(&mut Decode {
+        input: CdrDeserializer::new(body),
+        length: body.len(),
+        keep,
+        lists: ListLengths::new(parallel),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{ImuSample, Pose};
+    use crate::stream::samples;
+
+    #[test]
+    fn columns_that_an_older_version_did_not_have_are_missing() {
+        let mut bytes = Vec::new();
+        let exact = ImuSample {
+            pitch_sigma_rad: 0.004,
+            ..samples::imu()
+        };
+        encode_columns(&mut bytes, &exact, |_| true).unwrap();
+        // Five standard deviations of eight bytes each stand at the end.
+        bytes.truncate(bytes.len() - 5 * 8);
+        // A record that is used again must not keep what the message before had.
+        let mut read = exact;
+        decode_columns(&bytes, &mut read, |_| true, None).unwrap();
+        assert!(read.pitch_sigma_rad.is_nan() && read.accel_sigma_m_s2.is_nan());
+        assert_eq!(read.pitch_rad, exact.pitch_rad);
+
+        let without: fn(&str) -> bool = |column| column != "pushed_ns";
+        let mut shorter = Vec::new();
+        encode_columns(&mut shorter, &samples::pose(), without).unwrap();
+        let mut read = samples::pose();
+        decode_columns(&shorter, &mut read, |_| true, None).unwrap();
+        let wanted = Pose {
+            pushed: None,
+            ..samples::pose()
+        };
+        assert_eq!(read, wanted);
+        // Half of a column is no missing one.
+        shorter.pop();
+        assert!(decode_columns(&shorter, &mut read, |_| true, None).is_err());
+    }
 }

@@ -1,8 +1,9 @@
 //! When a record that could be read is still not a good one.
 
 use crate::record::{
-    BeamFate, ClockExchange, DelayPoint, ImuSample, Pose, Presence, Record, ReflectorLines, Scan,
-    Segment, Status, TrajectoryPoint, Value, ValueError,
+    BeamFate, ClockExchange, DelayPoint, FURTHER_RANGES, FURTHER_REMISSIONS, ImuSample,
+    POSE_COLUMNS, Pose, Presence, Record, ReflectorLines, Scan, Segment, Status, TrajectoryPoint,
+    Value, ValueError,
 };
 use std::fmt;
 
@@ -206,8 +207,8 @@ impl ListLengths {
     }
 }
 
-fn finite(values: &[(&'static str, f64)]) -> Result<(), BadField> {
-    match values.iter().find(|(_, value)| !value.is_finite()) {
+fn finite(values: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), BadField> {
+    match values.into_iter().find(|(_, value)| !value.is_finite()) {
         Some((column, value)) if value.is_nan() => Err(BadField::new(column, "empty")),
         Some((column, _)) => Err(BadField::new(column, "not finite")),
         None => Ok(()),
@@ -216,7 +217,7 @@ fn finite(values: &[(&'static str, f64)]) -> Result<(), BadField> {
 
 impl StreamRecord for Scan {
     fn check(&self) -> Result<(), BadField> {
-        finite(&[
+        finite([
             ("angle_min_rad", self.angle_min_rad),
             ("angle_increment_rad", self.angle_increment_rad),
             ("time_increment_s", self.time_increment_s),
@@ -238,18 +239,12 @@ impl StreamRecord for Scan {
             Err(BadField::new(column, why))
         };
         same("remissions", self.remissions.len())?;
-        let further = ["ranges_2_mm", "ranges_3_mm", "ranges_4_mm", "ranges_5_mm"];
-        for (column, ranges_m) in further.into_iter().zip(&self.further_ranges_m) {
+        for (column, ranges_m) in FURTHER_RANGES.into_iter().zip(&self.further_ranges_m) {
             same(column, ranges_m.len())?;
             lengths(column, ranges_m)?;
         }
-        let further = [
-            "remissions_2",
-            "remissions_3",
-            "remissions_4",
-            "remissions_5",
-        ];
-        for (column, remissions) in further.into_iter().zip(&self.further_remissions) {
+        let further = FURTHER_REMISSIONS.into_iter();
+        for (column, remissions) in further.zip(&self.further_remissions) {
             same(column, remissions.len())?;
         }
         Ok(())
@@ -287,7 +282,6 @@ impl StreamRecord for ReflectorLines {
 impl StreamRecord for Pose {
     /// A number may be missing only where the status says that something is.
     fn check(&self) -> Result<(), BadField> {
-        const COLUMNS: [&str; 6] = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"];
         let components = self.components();
         if components.iter().all(|v| v.is_nan()) {
             return if self.status.has(Status::NO_POSE) {
@@ -296,7 +290,7 @@ impl StreamRecord for Pose {
                 Err(BadField::new("x_m", "empty, and the status is not no-pose"))
             };
         }
-        for (column, value) in COLUMNS.into_iter().zip(components) {
+        for (column, value) in POSE_COLUMNS.into_iter().zip(components) {
             if value.is_infinite() {
                 return Err(BadField::new(column, "not finite"));
             }
@@ -310,21 +304,14 @@ impl StreamRecord for Pose {
 
 impl StreamRecord for TrajectoryPoint {
     fn check(&self) -> Result<(), BadField> {
-        let ([x, y, z], [roll, pitch, yaw]) = (self.position_m, self.rotation_rad);
-        finite(&[
-            ("x_m", x),
-            ("y_m", y),
-            ("z_m", z),
-            ("roll_rad", roll),
-            ("pitch_rad", pitch),
-            ("yaw_rad", yaw),
-        ])
+        let components = self.position_m.iter().chain(&self.rotation_rad);
+        finite(POSE_COLUMNS.into_iter().zip(components.copied()))
     }
 }
 
 impl StreamRecord for Segment {
     fn check(&self) -> Result<(), BadField> {
-        finite(&[
+        finite([
             ("d_m", self.normal.d_m),
             ("alpha_rad", self.normal.alpha_rad),
         ])
@@ -333,13 +320,13 @@ impl StreamRecord for Segment {
 
 impl StreamRecord for BeamFate {
     fn check(&self) -> Result<(), BadField> {
-        finite(&[("angle_rad", self.angle_rad)])
+        finite([("angle_rad", self.angle_rad)])
     }
 }
 
 impl StreamRecord for DelayPoint {
     fn check(&self) -> Result<(), BadField> {
-        finite(&[("delay_s", self.delay_s)])
+        finite([("delay_s", self.delay_s)])
     }
 }
 

@@ -11,7 +11,7 @@ use super::output::Output;
 use super::provenance::Provenance;
 use super::topics::topics;
 use super::{Encoding, Options, Outcome, exit};
-use crate::record::{Presence, Stamp, Value, Visit};
+use crate::record::{POSE_COLUMNS, Presence, Stamp, VELOCITY_COLUMNS, Value, Visit};
 use std::collections::BTreeSet;
 use std::convert::Infallible;
 use std::path::Path;
@@ -136,7 +136,7 @@ impl<R: StreamRecord> Lane for LaneOf<R> {
         for stage in self.input.provenance() {
             if !named.contains(stage) {
                 named.push(stage.clone());
-                output.with_mcap(|mcap| mcap.pass_stage(stage))?;
+                output.with_mcap(|mcap| mcap.write_stage(stage))?;
             }
         }
         Ok(())
@@ -152,9 +152,10 @@ impl<R: StreamRecord> Lane for LaneOf<R> {
         if !unknown.is_empty() {
             losses.push(Loss::Columns(unknown.to_vec()));
         }
+        // What a TUM or EuRoC file has a place for.
         let held = |name: &&str| {
-            let velocity = to == Encoding::Euroc && name.starts_with('v');
-            HELD.contains(name) || velocity
+            let velocity = to == Encoding::Euroc && VELOCITY_COLUMNS.contains(name);
+            *name == "stamp_ns" || POSE_COLUMNS.contains(name) || velocity
         };
         let filled = self.filled.iter().copied();
         let filled: Vec<&str> = filled.filter(|name| !held(name)).collect();
@@ -168,17 +169,6 @@ impl<R: StreamRecord> Lane for LaneOf<R> {
         losses
     }
 }
-
-/// What a TUM or EuRoC file has a place for.
-const HELD: [&str; 7] = [
-    "stamp_ns",
-    "x_m",
-    "y_m",
-    "z_m",
-    "roll_rad",
-    "pitch_rad",
-    "yaw_rad",
-];
 
 /// Notes which columns of a record have values.
 struct Filled<'a>(&'a mut BTreeSet<&'static str>);
@@ -205,6 +195,14 @@ struct Open<'a> {
     options: &'a Options,
 }
 
+impl KindVisitor for Open<'_> {
+    type Out = anyhow::Result<Box<dyn Lane>>;
+    fn visit<R: StreamRecord>(self, kind: Kind) -> Self::Out {
+        let input = Input::open_kind(self.path, kind, self.options)?;
+        Ok(Box::new(LaneOf::<R>::new(input, kind)?))
+    }
+}
+
 /// Makes a lane of bytes for a kind.
 struct Take<'a> {
     bytes: Bytes,
@@ -226,14 +224,6 @@ impl KindVisitor for Take<'_> {
 /// What reading says.
 pub fn lane_of(bytes: Bytes, kind: Kind, options: &Options) -> anyhow::Result<Box<dyn Lane>> {
     kind.call(Take { bytes, options })
-}
-
-impl KindVisitor for Open<'_> {
-    type Out = anyhow::Result<Box<dyn Lane>>;
-    fn visit<R: StreamRecord>(self, kind: Kind) -> Self::Out {
-        let input = Input::open_kind(self.path, kind, self.options)?;
-        Ok(Box::new(LaneOf::<R>::new(input, kind)?))
-    }
 }
 
 /// The lanes of one file.
@@ -260,7 +250,10 @@ pub fn lanes(
         Some(kind) => vec![kind],
         None => Kind::in_topics(there.keys().map(String::as_str)),
     };
-    let own: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.topics().1).collect();
+    let own: Vec<&str> = Kind::ALL
+        .iter()
+        .flat_map(|kind| kind.topics().written)
+        .collect();
     let left = there.keys().filter(|name| !own.contains(&name.as_str()));
     let left: Vec<String> = left.cloned().collect();
     let loss = (!left.is_empty() && kind.is_none()).then_some(Loss::Topics(left));
@@ -290,4 +283,46 @@ pub fn write_lanes(lanes: &mut [Box<dyn Lane>], mut output: Output) -> anyhow::R
         _ => output.finish()?,
     }
     Ok(exit::with_losses(Outcome::Done))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::stream::samples;
+
+    /// What is said to be lost of a pose with everything, written as `to`.
+    fn lost_of_a_pose(to: Encoding) -> Vec<&'static str> {
+        let options = Options::default();
+        let name = format!("cablepose-convert-{}-{to:?}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let mut poses = Output::create(&path, Encoding::Csv, &options).unwrap();
+        poses.write(&samples::pose()).unwrap();
+        poses.finish().unwrap();
+        let (mut lanes, _) = lanes(&path, Encoding::Csv, Some(Kind::Poses), &options).unwrap();
+        let mut output = Output::create(Path::new("/dev/null"), to, &options).unwrap();
+        lanes[0].write_next(&mut output).unwrap();
+        std::fs::remove_file(path).unwrap();
+        let losses = lanes[0].losses(to).into_iter();
+        losses
+            .filter_map(|loss| match loss {
+                Loss::Values(names) => Some(names),
+                _ => None,
+            })
+            .flatten()
+            .collect()
+    }
+
+    #[test]
+    fn every_value_without_a_place_is_said_to_be_lost() {
+        for to in [Encoding::Tum, Encoding::Euroc] {
+            let lost = lost_of_a_pose(to);
+            for name in ["votes", "status", "cov_x_x", "range_bias_m"] {
+                assert!(lost.contains(&name), "{to:?}: {name} is not in {lost:?}");
+            }
+            for name in ["stamp_ns", "x_m", "yaw_rad"] {
+                assert!(!lost.contains(&name), "{to:?}: {name} is in {lost:?}");
+            }
+        }
+        assert!(lost_of_a_pose(Encoding::Csv).is_empty());
+    }
 }

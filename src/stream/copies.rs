@@ -1,7 +1,6 @@
 //! One stream for two readers of different records, each in a thread of its own.
 
-use super::exit::Fault;
-use std::fs::File;
+use super::input::open_file;
 use std::io::{self, Read};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -23,13 +22,10 @@ pub struct StreamCopy {
 /// dropped, at the same time: neither can run far ahead of the other.
 ///
 /// # Errors
-/// [`Fault::NoInput`] if the path cannot be opened.
+/// [`Fault::NoInput`](super::Fault::NoInput) if the path cannot be opened or is a directory.
 pub fn copies(path: Option<&Path>) -> anyhow::Result<[StreamCopy; 2]> {
     let mut bytes: Box<dyn Read + Send> = match path {
-        Some(path) if path != Path::new("-") => {
-            let failed = |e| Fault::NoInput(format!("{}: {e}", path.display()));
-            Box::new(File::open(path).map_err(failed)?)
-        }
+        Some(path) if path != Path::new("-") => Box::new(open_file(path)?.0),
         _ => Box::new(io::stdin()),
     };
     let ((a, first), (b, second)) = (sync_channel(AHEAD), sync_channel(AHEAD));
@@ -47,7 +43,7 @@ fn distribute(bytes: &mut dyn Read, readers: [SyncSender<io::Result<Vec<u8>>>; 2
     loop {
         let piece = match bytes.read(&mut block) {
             Ok(0) => return,
-            Ok(n) => Ok(block.iter().take(n).copied().collect::<Vec<u8>>()),
+            Ok(n) => Ok(block.get(..n).unwrap_or_default().to_vec()),
             Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
             Err(e) => Err(e),
         };
@@ -75,9 +71,7 @@ impl Read for StreamCopy {
         }
         let rest = self.piece.get(self.at..).unwrap_or_default();
         let n = rest.len().min(into.len());
-        for (to, from) in into.iter_mut().zip(rest) {
-            *to = *from;
-        }
+        into[..n].copy_from_slice(&rest[..n]);
         self.at += n;
         Ok(n)
     }
@@ -109,6 +103,9 @@ mod tests {
         let mut bytes = Vec::new();
         a.read_to_end(&mut bytes).unwrap();
         assert!(!bytes.is_empty());
-        assert!(copies(Some(Path::new("no such file"))).is_err());
+        for nothing in [Path::new("no such file"), path.parent().unwrap()] {
+            let error = copies(Some(nothing)).err().unwrap();
+            assert_eq!(crate::stream::exit::status(&error), 66);
+        }
     }
 }

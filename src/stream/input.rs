@@ -130,19 +130,11 @@ impl<R: StreamRecord> Input<R> {
     // Not an iterator: the record is lent, so that its buffers are used again.
     #[allow(clippy::should_implement_trait)]
     pub fn next(&mut self) -> anyhow::Result<Option<&R>> {
-        self.next_passing(None)
+        Ok(self.advance(None)?.then(|| self.current()))
     }
 
-    /// The next record. What an MCAP input holds besides is handed on to `pass`.
-    pub(super) fn next_passing(&mut self, pass: Option<&Output>) -> anyhow::Result<Option<&R>> {
-        Ok(if self.advance(pass)? {
-            Some(self.current())
-        } else {
-            None
-        })
-    }
-
-    /// Reads to the next record; false at the end.
+    /// Reads to the next record; false at the end. What an MCAP input holds besides is handed on to
+    /// `pass`.
     pub(super) fn advance(&mut self, pass: Option<&Output>) -> anyhow::Result<bool> {
         while !self.ended {
             let read = match &mut self.reader {
@@ -295,7 +287,11 @@ impl Source {
     /// Opens stdin or a file, and waits for its first bytes unless `--input-format` says what they
     /// will be.
     pub(super) fn open(path: Option<&Path>, options: &Options) -> anyhow::Result<Source> {
-        let (bytes, name, is_stdin) = open_raw(path, options)?;
+        let Opened {
+            bytes,
+            name,
+            is_stdin,
+        } = open_raw(path, options)?;
         Source::sniff(bytes, name, is_stdin, options.input_format)
     }
 
@@ -339,26 +335,43 @@ fn sniff(head: &[u8]) -> Encoding {
     }
 }
 
-/// Opens stdin (no path, or `-`) or a file; gives its bytes, its name and whether it is stdin.
-fn open_raw(
-    path: Option<&Path>,
-    options: &Options,
-) -> anyhow::Result<(Box<dyn Read>, String, bool)> {
-    match path {
-        Some(path) if path != Path::new("-") => {
-            let name = path.display().to_string();
-            let no_input = |error| Fault::NoInput(flow::named(&name, error).to_string());
-            let file = File::open(path).map_err(no_input)?;
-            let found = file.metadata().map_err(no_input)?;
-            if found.is_dir() {
-                return Err(Fault::NoInput(format!("{name}: is a directory")).into());
-            }
-            let length = found.is_file().then_some(found.len());
-            let bytes = Progress::around(file, length, options);
-            Ok((bytes, name, false))
-        }
-        _ => Ok((Box::new(io::stdin()), "stdin".to_owned(), true)),
+/// Bytes that have been opened, and what is known of them.
+struct Opened {
+    bytes: Box<dyn Read>,
+    name: String,
+    is_stdin: bool,
+}
+
+/// Opens stdin (no path, or `-`) or a file, with a progress bar where one is wanted.
+fn open_raw(path: Option<&Path>, options: &Options) -> Result<Opened, Fault> {
+    let Some(path) = path.filter(|path| *path != Path::new("-")) else {
+        return Ok(Opened {
+            bytes: Box::new(io::stdin()),
+            name: "stdin".to_owned(),
+            is_stdin: true,
+        });
+    };
+    let (file, length) = open_file(path)?;
+    Ok(Opened {
+        bytes: Progress::around(file, length, options),
+        name: path.display().to_string(),
+        is_stdin: false,
+    })
+}
+
+/// Opens a file that is to be read; gives its length too, where it has one.
+///
+/// # Errors
+/// [`Fault::NoInput`] where it cannot be opened or is a directory.
+pub(super) fn open_file(path: &Path) -> Result<(File, Option<u64>), Fault> {
+    let name = path.display().to_string();
+    let no_input = |error| Fault::NoInput(flow::named(&name, error).to_string());
+    let file = File::open(path).map_err(no_input)?;
+    let found = file.metadata().map_err(no_input)?;
+    if found.is_dir() {
+        return Err(Fault::NoInput(format!("{name}: is a directory")));
     }
+    Ok((file, found.is_file().then_some(found.len())))
 }
 
 /// An input that holds a device's bytes, not records. Its reads obey the flush rule.
@@ -372,7 +385,7 @@ pub struct Bytes {
 impl Bytes {
     /// Opens a file; no path, or `-`, is stdin.
     pub fn open(path: Option<&Path>, options: &Options) -> anyhow::Result<Bytes> {
-        let (bytes, name, _) = open_raw(path, options)?;
+        let Opened { bytes, name, .. } = open_raw(path, options)?;
         Ok(Bytes {
             live: LiveReader::new(bytes, &name),
             name,

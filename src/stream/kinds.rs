@@ -35,6 +35,14 @@ pub enum Kind {
     Beams,
 }
 
+/// The names of a kind's topics in MCAP.
+pub(super) struct KindTopics {
+    /// Those that its records are read from.
+    pub(super) read: Vec<&'static str>,
+    /// Those that they are written to.
+    pub(super) written: Vec<&'static str>,
+}
+
 /// Something to do with a kind of record.
 pub trait KindVisitor {
     /// What comes of it.
@@ -102,13 +110,13 @@ impl Kind {
     /// The kinds whose topics are among these.
     pub fn in_topics<'a>(topics: impl Iterator<Item = &'a str>) -> Vec<Kind> {
         let there: Vec<&str> = topics.collect();
-        let has = |kind: &Kind| kind.topics().0.iter().any(|topic| there.contains(topic));
+        let has = |kind: &Kind| kind.topics().read.iter().any(|topic| there.contains(topic));
         Kind::ALL.into_iter().filter(has).collect()
     }
 
     /// Whether such records are read from this topic of MCAP.
     pub fn is_read_from(self, topic: &str) -> bool {
-        self.topics().0.contains(&topic)
+        self.topics().read.contains(&topic)
     }
 
     /// Which of the two trajectories it is; of no meaning for other kinds.
@@ -135,18 +143,21 @@ impl Kind {
         }
     }
 
-    /// The topics of MCAP that such records are read from, and those that they are written to.
-    pub(super) fn topics(self) -> (Vec<&'static str>, Vec<&'static str>) {
-        struct Topics;
-        impl KindVisitor for Topics {
-            type Out = (Vec<&'static str>, Vec<&'static str>);
-            fn visit<R: StreamRecord>(self, kind: Kind) -> Self::Out {
+    /// The topics of MCAP that such records travel by.
+    pub(super) fn topics(self) -> KindTopics {
+        struct Find;
+        impl KindVisitor for Find {
+            type Out = KindTopics;
+            fn visit<R: StreamRecord>(self, kind: Kind) -> KindTopics {
                 let names = |topics: &[&'static Topic]| topics.iter().map(|t| t.name).collect();
                 let role = kind.role();
-                (names(R::read_from(role)), names(R::written_to(role)))
+                KindTopics {
+                    read: names(R::read_from(role)),
+                    written: names(R::written_to(role)),
+                }
             }
         }
-        self.call(Topics)
+        self.call(Find)
     }
 }
 
@@ -237,11 +248,11 @@ mod tests {
     fn kinds_have_names_and_topics() {
         for kind in Kind::ALL {
             assert_eq!(Kind::named(kind.name()), Some(kind));
-            let (read, written) = kind.topics();
+            let KindTopics { read, written } = kind.topics();
             assert!(read.iter().all(|topic| written.contains(topic)), "{kind}");
             let others = Kind::ALL.into_iter().filter(|other| *other != kind);
             for other in others {
-                let (theirs, _) = other.topics();
+                let theirs = other.topics().read;
                 assert!(!read.iter().any(|t| theirs.contains(t)), "{kind} {other}");
             }
         }

@@ -24,7 +24,6 @@ mod flow;
 mod input;
 mod kinds;
 mod mcap;
-mod mcap_bytes;
 mod output;
 mod passing;
 #[cfg(unix)]

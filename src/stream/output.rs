@@ -167,7 +167,15 @@ impl Output {
 
     /// Creates a further output file (`--truth FILE`). Into a FIFO every record goes out at once:
     /// it is another program's side input, which must not lag behind its main one.
+    ///
+    /// # Errors
+    /// A file that cannot be written; [`Fault::Usage`] for `-`, which is the main output's.
     pub fn create(path: &Path, encoding: Encoding, options: &Options) -> anyhow::Result<Output> {
+        if path == Path::new("-") {
+            let text =
+                "- is stdout, which is for the main output: give a file (./- for one of that name)";
+            return Err(Fault::Usage(text.to_owned()).into());
+        }
         Output::create_file(path, encoding, options, true)
     }
 
@@ -195,11 +203,9 @@ impl Output {
             true => Patient::open(&create).map(|file| Box::new(file) as Box<dyn Write>),
             _ => File::create(&create).map(|file| Box::new(file) as Box<dyn Write>),
         };
-        let file = file.map_err(|error| flow::named(&create.display().to_string(), error))?;
-        let target = Target {
-            inner: file,
-            name: path.display().to_string(),
-        };
+        let name = path.display().to_string();
+        let inner = file.map_err(|error| flow::named(&name, error))?;
+        let target = Target { inner, name };
         Output::new(target, encoding, options, rename, in_place && further)
     }
 
@@ -307,7 +313,7 @@ impl Output {
                 Ok(())
             }
             Encoder::Mcap(_) if input.encoding() == Encoding::Mcap => Ok(()),
-            Encoder::Mcap(mcap) => stages.iter().try_for_each(|stage| mcap.pass_stage(stage)),
+            Encoder::Mcap(mcap) => stages.iter().try_for_each(|stage| mcap.write_stage(stage)),
             Encoder::Text(_) => Ok(()),
         }
         .map_err(unhide)
@@ -471,6 +477,12 @@ mod tests {
             assert_eq!(fs::read_to_string(&link).unwrap().lines().count(), 2);
             assert!(!dir.0.join("there/file.csv.partial").exists());
         }
+    }
+
+    #[test]
+    fn a_further_output_is_no_file_called_dash() {
+        let create = Output::create(Path::new("-"), Encoding::Csv, &Options::default());
+        assert_eq!(exit::status(&create.err().unwrap()), 2);
     }
 
     #[test]

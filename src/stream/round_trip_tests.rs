@@ -253,3 +253,83 @@ fn the_two_trajectories_are_told_apart() {
     assert_eq!(read(Role::Truth), [truth]);
     assert_eq!(read(Role::Desired), [desired]);
 }
+
+/// The same file with some of its messages changed, and what it says of their types.
+fn rewritten(
+    bytes: &[u8],
+    change: impl Fn(&mut ::mcap::Message<'_>, &mut ::mcap::Schema<'_>),
+) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let mut writer = ::mcap::Writer::new(&mut out).unwrap();
+    for message in ::mcap::MessageStream::new(bytes).unwrap() {
+        let mut message = message.unwrap();
+        let mut channel = (*message.channel).clone();
+        let mut schema = channel.schema.as_deref().unwrap().clone();
+        change(&mut message, &mut schema);
+        channel.schema = Some(schema.into());
+        message.channel = channel.into();
+        writer.write(&message).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    out.into_inner()
+}
+
+#[test]
+fn an_older_version_without_the_last_columns_is_read() {
+    let pose = samples::pose();
+    let older = rewritten(
+        &to_mcap(&[pose.clone()], Role::Desired, true),
+        |message, schema| {
+            if message.channel.topic == "/pose_status" {
+                // Before there was pushed_ns: a column of eight bytes at the end.
+                let text = std::str::from_utf8(&schema.data).unwrap();
+                let text = text.strip_suffix("int64 pushed_ns\n").unwrap().to_owned();
+                schema.data = text.into_bytes().into();
+                let status = message.data.len() - 8;
+                message.data.to_mut().truncate(status);
+            }
+        },
+    );
+    let (read, fault) = from_mcap::<crate::record::Pose>(older, Role::Desired);
+    assert_eq!(fault, None);
+    assert_eq!(
+        read,
+        [crate::record::Pose {
+            pushed: None,
+            ..pose
+        }]
+    );
+}
+
+#[test]
+fn fields_in_another_place_are_refused_and_beside_other_records_passed_over() {
+    let mut imu = samples::imu();
+    imu.seq = 3;
+    let foreign = rewritten(&to_mcap(&[imu], Role::Desired, true), |message, schema| {
+        if message.channel.topic == "/imu_info" {
+            schema.data = b"int64 stamp_ns\nfloat64 nonsense\n".to_vec().into();
+            // It could be read as what it is not.
+            message.data.to_mut()[4..].fill(0);
+        }
+    });
+    let (_, fault) = from_mcap::<crate::record::ImuSample>(foreign.clone(), Role::Desired);
+    assert!(
+        fault
+            .unwrap()
+            .contains("/imu_info has other fields than this version's")
+    );
+    let input = Box::new(Cursor::new(foreign));
+    let mut reader = McapReader::<crate::record::ReflectorLines>::new(input, "mcap", Role::Desired);
+    reader.want_imu();
+    let mut window = WindowState::new(Window::default());
+    assert!(
+        reader.advance(None, &mut window).is_err(),
+        "there are no lines"
+    );
+    let beside: Vec<_> = reader.take_imu().collect();
+    // The standard message is as good, but for the last digits.
+    assert_eq!(beside.len(), 1);
+    assert_eq!((beside[0].stamp, beside[0].axes), (imu.stamp, imu.axes));
+    assert!((beside[0].pitch_rad - imu.pitch_rad).abs() < 1e-14);
+}

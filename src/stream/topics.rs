@@ -2,7 +2,7 @@
 
 use super::Options;
 use super::input::Bytes;
-use super::mcap_bytes::{self, Damage, Feed};
+use super::mcap::bytes::{self, Damage, Feed};
 use mcap::records::Record as McapRecord;
 use mcap::sans_io::linear_reader::LinearReadEvent;
 use std::collections::hash_map::DefaultHasher;
@@ -24,11 +24,11 @@ pub struct TopicContents {
 /// # Errors
 /// [`Fault::NoInput`](super::Fault::NoInput) where it cannot be opened, [`Fault::BadData`](super::Fault::BadData) where it is damaged.
 pub fn topics(path: &Path, options: &Options) -> anyhow::Result<BTreeMap<String, TopicContents>> {
-    let bytes = Bytes::open(Some(path), options)?;
-    let name = bytes.name().to_owned();
+    let input = Bytes::open(Some(path), options)?;
+    let name = input.name().to_owned();
     let damaged = |damage: Damage| damage.fault(&name, "");
-    let mut feed = Feed::new(bytes);
-    let mut reader = mcap_bytes::linear_reader();
+    let mut feed = Feed::new(input);
+    let mut reader = bytes::linear_reader();
     let mut schemas: HashMap<u16, String> = HashMap::new();
     let mut channels: HashMap<u16, String> = HashMap::new();
     let mut topics: BTreeMap<String, TopicContents> = BTreeMap::new();
@@ -38,7 +38,7 @@ pub fn topics(path: &Path, options: &Options) -> anyhow::Result<BTreeMap<String,
                 feed.give(&mut reader)?.map_err(damaged)?;
             }
             LinearReadEvent::Record { data, opcode } => {
-                match mcap_bytes::parse(opcode, data).map_err(damaged)? {
+                match bytes::parse(opcode, data).map_err(damaged)? {
                     McapRecord::Schema { header, .. } => {
                         schemas.insert(header.id, header.name);
                     }

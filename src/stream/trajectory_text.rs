@@ -10,7 +10,7 @@
 //! holds for them: the flush rule, faults that name the line, `--skip-bad`.
 
 use super::exit::{self, Fault};
-use crate::record::{Presence, Record, Value, Visit, text};
+use crate::record::{POSE_COLUMNS, Presence, Record, VELOCITY_COLUMNS, Value, Visit, text};
 use nalgebra::{Quaternion, UnitQuaternion};
 use std::io::{self, BufRead, BufReader, Read, Write};
 
@@ -377,19 +377,15 @@ impl Visit for PoseColumns {
         _: Presence,
         value: &T,
     ) -> Result<(), Self::Error> {
-        let place = match name {
-            "x_m" => &mut self.pose[0],
-            "y_m" => &mut self.pose[1],
-            "z_m" => &mut self.pose[2],
-            "roll_rad" => &mut self.pose[3],
-            "pitch_rad" => &mut self.pose[4],
-            "yaw_rad" => &mut self.pose[5],
-            "vx_m_s" => &mut self.velocity[0],
-            "vy_m_s" => &mut self.velocity[1],
-            "vz_m_s" => &mut self.velocity[2],
-            _ => return Ok(()),
+        let at = |columns: &[&str]| columns.iter().position(|column| *column == name);
+        let place = if let Some(k) = at(&POSE_COLUMNS) {
+            &mut self.pose[k]
+        } else if let Some(k) = at(&VELOCITY_COLUMNS) {
+            self.has_velocity = true;
+            &mut self.velocity[k]
+        } else {
+            return Ok(());
         };
-        self.has_velocity |= name.starts_with('v');
         self.text.clear();
         value.push_text(&mut self.text);
         // An empty field is a value that is missing.

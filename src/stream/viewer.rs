@@ -4,8 +4,8 @@
 use super::cdr;
 use super::check::BadField;
 use super::ros2::types::{
-    Color, FRAME, Header, LASER, Marker, MarkerArray, PLATFORM, Point, Pose, Quaternion, TfMessage,
-    Transform, TransformStamped, Vector3,
+    Color, FRAME, Header, LASER, Marker, MarkerArray, PLATFORM, Point, Pose, TfMessage, Transform,
+    TransformStamped, Vector3,
 };
 use super::ros2::{MARKERS, TF_STATIC, Topic, rotation};
 use crate::frame::{Frame, Scanner, Strip};
@@ -68,12 +68,7 @@ pub fn laser_mounting(scanner: &Scanner) -> Note {
                 child_frame_id: LASER.to_owned(),
                 transform: Transform {
                     translation: Vector3::new(scanner.position_m),
-                    rotation: Quaternion {
-                        x: q.i,
-                        y: q.j,
-                        z: q.k,
-                        w: q.w,
-                    },
+                    rotation: q.into(),
                 },
             }],
         }),
@@ -116,8 +111,7 @@ fn side_y(frame: &Frame, face: Face) -> f64 {
 
 /// A strip's corners: both edges from the front of its depth to the back.
 fn strip_corners(frame: &Frame, strip: &Strip) -> [[f64; 3]; 4] {
-    let half_x = frame.bounds.dx_m / 2.0;
-    let [x0, x1] = strip.x_m.unwrap_or([-half_x, half_x]);
+    let [x0, x1] = strip.x_span_m(&frame.bounds);
     let reach = strip.width_m / 2.0;
     [(x0, -reach), (x1, -reach), (x1, reach), (x0, reach)].map(|(x, side)| {
         let across = strip.offset_m + side + x * strip.slope();

@@ -46,8 +46,14 @@ impl WholeFile {
         let Some(path) = path.filter(|path| *path != Path::new("-")) else {
             return Ok(WholeFile(Place::Stdout));
         };
-        if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
-            return Ok(WholeFile(Place::There(path.to_owned())));
+        match fs::metadata(path) {
+            Ok(found) if found.is_dir() => {
+                return Err(named(path, io::ErrorKind::IsADirectory.into()).into());
+            }
+            Ok(found) if !found.is_file() => {
+                return Ok(WholeFile(Place::There(path.to_owned())));
+            }
+            _ => {}
         }
         let to = behind_links(path);
         let from = partial_of(&to);
@@ -124,6 +130,10 @@ mod tests {
             nowhere.to_string().contains("none/page.html: No such file"),
             "{nowhere}"
         );
+        // So does a directory, which has no place for it.
+        let folder = WholeFile::open(Some(&dir)).err().unwrap();
+        assert_eq!(exit::status(&folder), 74);
+        assert!(folder.to_string().ends_with(": is a directory"), "{folder}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         file.finish("new").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");

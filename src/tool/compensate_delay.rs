@@ -5,7 +5,8 @@ use crate::link::HostInstant;
 use crate::motion::{Carrier, CarryMethod, CarryOptions, Inertia};
 use crate::record::{ImuSample, Pose, Stamp, Status, TrajectoryPoint};
 use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage};
-use crate::tool::common::{CommonArgs, parse_duration, parse_signed_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::{not_negative, parse_duration, parse_signed_duration, positive};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -437,19 +438,5 @@ fn parse_to(text: &str) -> Result<stream::Instant, String> {
     if text == "now" {
         return Ok(NOW);
     }
-    crate::tool::common::parse_instant(text).map_err(|why| format!("{why}, or now"))
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number that is not negative is wanted".to_owned()),
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a positive number is wanted".to_owned()),
-    }
+    crate::tool::values::parse_instant(text).map_err(|why| format!("{why}, or now"))
 }

@@ -2,7 +2,7 @@
 //! streams to rooms (`run`). No mathematics and no bytes here.
 
 pub mod ads_push;
-pub mod common;
+pub mod arguments;
 pub mod compensate_delay;
 mod ending;
 pub mod extract_lines;
@@ -13,6 +13,7 @@ pub mod simulate;
 pub mod solve_pose;
 mod tee;
 pub mod timesync;
+pub mod values;
 
 use crate::stream::{Fault, Outcome, exit, outlive_file_limit};
 use std::process::ExitCode;

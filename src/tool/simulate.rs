@@ -17,7 +17,7 @@ pub use args::Args;
 
 use crate::simulate::{Simulator, Step};
 use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
-use crate::tool::common::Format;
+use crate::tool::arguments::Format;
 use clap::CommandFactory;
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -167,7 +167,7 @@ fn gauss_newton(
     small_m2: f64,
     equations_at: impl Fn(Direct) -> NormalEquations,
 ) -> Option<(NormalLine, NormalEquations, f64)> {
-    let d_m = 1.0 / start.a.hypot(start.b);
+    let d_m = start.d_m();
     let mut line = Direct {
         d_m,
         sin: start.b * d_m,

@@ -13,9 +13,14 @@ pub struct InverseLine {
 }
 
 impl InverseLine {
+    /// Distance from the scanner, m.
+    pub fn d_m(self) -> f64 {
+        1.0 / self.a.hypot(self.b)
+    }
+
     /// The line in normal parametrisation.
     pub fn normal(self) -> NormalLine {
-        NormalLine::new(1.0 / self.a.hypot(self.b), self.b.atan2(self.a))
+        NormalLine::new(self.d_m(), self.b.atan2(self.a))
     }
 
     /// Range residual of a beam to first order, m. Unlike `r - d / cos(phi)` it stays finite for a

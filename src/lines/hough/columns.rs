@@ -71,13 +71,28 @@ impl Columns {
 
     /// Takes away the votes of all points that `goes` says, by their numbers.
     pub fn remove(&mut self, mut goes: impl FnMut(usize) -> bool) {
+        self.keep(|id, _| !goes(id));
+    }
+
+    /// Takes away the points of a peak's cells.
+    pub fn remove_peak(&mut self, peak: &Peak) {
+        let (sin, cos) = peak.alpha_rad.sin_cos();
+        let (sin, cos, d) = (sin as f32, cos as f32, (peak.d_m / self.row_m) as f32);
+        let before = self.id.len();
+        self.keep(|_, [y, z]| (y * cos + z * sin - d).abs() > 1.5);
+        // Rounding must not keep a peak alive for ever.
+        if self.id.len() == before {
+            self.keep(|_, _| false);
+        }
+    }
+
+    /// Keeps the points that `stays` says, by their numbers or by where they are, in rows.
+    fn keep(&mut self, mut stays: impl FnMut(usize, [f32; 2]) -> bool) {
         let mut kept = 0;
         for k in 0..self.id.len() {
-            let id = self.id[k];
-            self.y[kept] = self.y[k];
-            self.z[kept] = self.z[k];
-            self.id[kept] = id;
-            kept += usize::from(!goes(id as usize));
+            let (y, z, id) = (self.y[k], self.z[k], self.id[k]);
+            (self.y[kept], self.z[kept], self.id[kept]) = (y, z, id);
+            kept += usize::from(stays(id as usize, [y, z]));
         }
         if kept < self.id.len() {
             self.y.truncate(kept);
@@ -85,27 +100,6 @@ impl Columns {
             self.id.truncate(kept);
             self.version += 1;
         }
-    }
-
-    /// Takes away the points of a peak's cells.
-    pub fn remove_peak(&mut self, peak: &Peak) {
-        let (sin, cos) = peak.alpha_rad.sin_cos();
-        let (sin, cos, d) = (sin as f32, cos as f32, (peak.d_m / self.row_m) as f32);
-        let mut kept = 0;
-        for k in 0..self.id.len() {
-            let (y, z, id) = (self.y[k], self.z[k], self.id[k]);
-            let on = (y * cos + z * sin - d).abs() <= 1.5;
-            (self.y[kept], self.z[kept], self.id[kept]) = (y, z, id);
-            kept += usize::from(!on);
-        }
-        // Rounding must not keep a peak alive for ever.
-        if kept == self.id.len() {
-            kept = 0;
-        }
-        self.y.truncate(kept);
-        self.z.truncate(kept);
-        self.id.truncate(kept);
-        self.version += 1;
     }
 
     /// The cell with the most votes; none without points.
@@ -155,7 +149,8 @@ impl Columns {
             return;
         };
         for row in &self.rows {
-            counts[(*row & 0xffff) as usize] += 1;
+            let count = &mut counts[(*row & 0xffff) as usize];
+            *count = count.saturating_add(1);
         }
         let mut best = Best {
             version: self.version,

@@ -6,12 +6,10 @@
 //! part with the most votes first, until a part is as small as a cell: that cell has the most votes
 //! of all. Parts with too few votes are never looked into.
 
-use crate::lines::assembly::Assembly;
-use crate::lines::extractor::{Extractor, ExtractorOptions, Fate};
-use crate::lines::fit::InverseLine;
-use crate::lines::pool::Pool;
-use crate::lines::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use crate::lines::extractor::ExtractorOptions;
+use crate::lines::fit::{BeamSlice, InverseLine};
+use crate::lines::taking::{Scene, Taker, Taking};
+use crate::record::Scan;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
@@ -49,14 +47,13 @@ struct Hypercube {
     from: u32,
 }
 
-/// The extractor: its settings and buffers.
+/// The extractor.
+pub type FastHough = Taking<Hypercubes>;
+
+/// Halves the space where free beams vote.
 #[derive(Clone, Debug, Default)]
-pub struct FastHough {
-    /// The settings; may be changed between scans.
-    pub options: FastHoughOptions,
-    returns: Returns,
-    pool: Pool,
-    assembly: Assembly,
+pub struct Hypercubes {
+    options: FastHoughOptions,
     heap: BinaryHeap<Hypercube>,
     /// Voters of all hypercubes, one after the other.
     voters: Vec<u32>,
@@ -90,35 +87,58 @@ impl Space {
             ]
         })
     }
+
+    /// A point as (abscissa, ordinate) of a line's equation.
+    #[inline]
+    fn point(&self, beams: BeamSlice<'_>, steep: bool, voter: u32) -> [f64; 2] {
+        let k = voter as usize;
+        let y = beams.y_m[k] - self.centre_m[0];
+        let z = beams.z_m[k] - self.centre_m[1];
+        if steep { [z, y] } else { [y, z] }
+    }
 }
 
 impl FastHough {
-    /// An extractor with the given settings.
-    pub fn new(options: FastHoughOptions) -> FastHough {
-        FastHough {
-            options,
-            ..FastHough::default()
-        }
-    }
-
     /// Hypercubes that were looked into in the scan extracted last.
     pub fn looked_into(&self) -> u64 {
-        self.looked_into
+        self.taker.looked_into
+    }
+}
+
+impl Taker for Hypercubes {
+    type Options = FastHoughOptions;
+
+    fn new(options: FastHoughOptions) -> Hypercubes {
+        Hypercubes {
+            options,
+            ..Hypercubes::default()
+        }
     }
 
-    fn search(&mut self, group: Range<usize>, out: &mut Vec<Segment>) {
+    fn common(&self) -> &ExtractorOptions {
+        &self.options.common
+    }
+
+    fn begin(&mut self, _: &Scan, scene: &mut Scene<'_>) {
+        self.spent.clear();
+        self.spent.resize(scene.beams().len(), false);
+        self.looked_into = 0;
+    }
+
+    fn take(&mut self, group: Range<usize>, scene: &mut Scene<'_>) {
         let common = self.options.common;
-        if self.pool.count(group.clone()) < common.min_points {
+        self.spent.fill(false);
+        if scene.count(group.clone()) < common.min_points {
             return;
         }
-        let space = self.space(group.clone());
+        let beams = scene.beams();
+        let space = self.space(beams.run(group.start, group.end));
         self.heap.clear();
         self.voters.clear();
         for steep in [false, true] {
             let from = self.voters.len() as u32;
-            let pool = &self.pool;
-            let free = group.clone().filter(|k| pool.is_free(*k));
-            self.voters.extend(free.map(|k| k as u32));
+            self.voters
+                .extend(scene.free(group.clone()).map(|k| k as u32));
             self.heap.push(Hypercube {
                 votes: self.voters.len() as u32 - from,
                 level: 0,
@@ -131,21 +151,22 @@ impl FastHough {
             if (cube.votes as usize) < common.min_points {
                 break;
             }
-            let left = self.recount(&cube);
+            let left = self.recount(&cube, scene);
             if left < cube.votes {
                 cube.votes = left;
                 self.heap.push(cube);
             } else if cube.level < space.levels[0].max(space.levels[1]) {
                 self.looked_into += 1;
-                self.halve(&space, &cube);
+                self.halve(&space, beams, &cube);
             } else {
-                self.take(&space, &cube, out);
+                self.take_cell(&space, cube, scene);
             }
         }
     }
+}
 
-    fn space(&self, group: Range<usize>) -> Space {
-        let beams = self.returns.beams().run(group.start, group.end);
+impl Hypercubes {
+    fn space(&self, beams: BeamSlice<'_>) -> Space {
         let span = |values: &[f64]| {
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);
             let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -167,31 +188,21 @@ impl FastHough {
         }
     }
 
-    /// A point as (abscissa, ordinate) of a line's equation.
-    #[inline]
-    fn point(&self, space: &Space, steep: bool, voter: u32) -> [f64; 2] {
-        let beams = self.returns.beams();
-        let k = voter as usize;
-        let y = beams.y_m[k] - space.centre_m[0];
-        let z = beams.z_m[k] - space.centre_m[1];
-        if steep { [z, y] } else { [y, z] }
-    }
-
     /// Votes that are left of a hypercube's; its list is kept up to date.
-    fn recount(&mut self, cube: &Hypercube) -> u32 {
+    fn recount(&mut self, cube: &Hypercube, scene: &Scene<'_>) -> u32 {
         let from = cube.from as usize;
         let mut kept = from;
         for i in from..from + cube.votes as usize {
             let voter = self.voters[i];
             self.voters[kept] = voter;
-            let votes = self.pool.is_free(voter as usize) && !self.spent[voter as usize];
+            let votes = scene.is_free(voter as usize) && !self.spent[voter as usize];
             kept += usize::from(votes);
         }
         (kept - from) as u32
     }
 
     /// Halves a hypercube in every direction in which it is not small enough yet.
-    fn halve(&mut self, space: &Space, cube: &Hypercube) {
+    fn halve(&mut self, space: &Space, beams: BeamSlice<'_>, cube: &Hypercube) {
         let parts = |i: usize| {
             let place = cube.place[i];
             if cube.level < space.levels[i] {
@@ -213,7 +224,7 @@ impl FastHough {
                 let [[slope, half_slope], [offset, half_offset]] = space.extent(&part);
                 for i in voters.clone() {
                     let voter = self.voters[i];
-                    let [x, v] = self.point(space, cube.steep, voter);
+                    let [x, v] = space.point(beams, cube.steep, voter);
                     if (v - slope * x - offset).abs() <= half_offset + half_slope * x.abs() {
                         self.voters.push(voter);
                     }
@@ -229,8 +240,8 @@ impl FastHough {
     }
 
     /// Takes the line of a cell; where there is none, its points vote no more.
-    fn take(&mut self, space: &Space, cube: &Hypercube, out: &mut Vec<Segment>) {
-        let [[slope, half_slope], [offset, half_offset]] = space.extent(cube);
+    fn take_cell(&mut self, space: &Space, cube: Hypercube, scene: &mut Scene<'_>) {
+        let [[slope, half_slope], [offset, half_offset]] = space.extent(&cube);
         // v - slope x = offset, in the scanner's coordinates.
         let [y0, z0] = space.centre_m;
         let (normal, distance) = if cube.steep {
@@ -247,55 +258,13 @@ impl FastHough {
             a: normal[0] / distance,
             b: normal[1] / distance,
         };
-        let reach_m = half_offset + half_slope;
-        let common = &self.options.common;
-        let taken = self.pool.take(
-            &self.returns,
-            line,
-            reach_m,
-            common,
-            &mut self.assembly,
-            out,
-        );
-        if !taken {
+        if scene.take(line, half_offset + half_slope) {
+            // What is left of the cell is looked at again.
+            self.heap.push(cube);
+        } else {
             for i in cube.from..cube.from + cube.votes {
                 self.spent[self.voters[i as usize] as usize] = true;
             }
-        } else {
-            // What is left of the cell is looked at again.
-            self.heap.push(cube.clone());
         }
-    }
-}
-
-impl Extractor for FastHough {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
-        let common = self.options.common;
-        self.returns.read(scan, &common.segmentation);
-        self.assembly.begin(scan, &self.returns, &common);
-        self.pool.begin(&self.returns);
-        self.spent.clear();
-        self.spent.resize(self.returns.beams().len(), false);
-        self.looked_into = 0;
-        let groups: Vec<(usize, usize)> = self.returns.groups().collect();
-        for (from, to) in groups {
-            // Points that voted in vain may be of a line that lacked them.
-            let mut before = usize::MAX;
-            while out.len() != before {
-                before = out.len();
-                self.spent.fill(false);
-                self.search(from..to, out);
-            }
-        }
-        self.assembly.end(out);
-    }
-
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
-    }
-
-    fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
     }
 }

@@ -12,8 +12,8 @@
 //! - [`Window`], [`Accumulator`]: one such window and its cells
 //! - [`ReflectorTransform`]: a window for each of the three reflectors of a frame
 //!
-//! Cells count in 16 bits, of which a cache holds more; no scan has 65536 beams in one cell. A peak
-//! is refined by [`super::pool`] and the common fit.
+//! Cells count in 16 bits, of which a cache holds more, and no further. A peak is refined by
+//! [`super::pool`] and the common fit.
 
 mod columns;
 mod fast;
@@ -23,9 +23,9 @@ mod reflectors;
 mod window;
 
 pub use columns::{Columns, Peak};
-pub use fast::{FastHough, FastHoughOptions};
-pub use full::{Hough, HoughOptions};
-pub use modified::{ModifiedHough, ModifiedHoughOptions};
+pub use fast::{FastHough, FastHoughOptions, Hypercubes};
+pub use full::{Hough, HoughOptions, WholeSpace};
+pub use modified::{ExpectedWindows, ModifiedHough, ModifiedHoughOptions};
 pub use reflectors::{ReflectorTransform, WindowSize};
 pub use window::{Accumulator, Window};
 

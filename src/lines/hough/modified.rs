@@ -5,16 +5,14 @@
 //! the most votes in it is the line. Beams that no predicted line explains are transformed as a
 //! whole, so that lines which come into view are found; without a prediction that is everything.
 
-use super::columns::Columns;
-use super::full::{HoughOptions, transform};
+use super::full::{HoughOptions, WholeSpace};
 use super::inverse_line;
 use super::reflectors::WindowSize;
 use super::window::{Accumulator, Window};
-use crate::lines::assembly::Assembly;
-use crate::lines::extractor::{Extractor, Fate};
-use crate::lines::pool::Pool;
-use crate::lines::segmentation::Returns;
-use crate::record::{NormalLine, Scan, Segment};
+use crate::lines::extractor::ExtractorOptions;
+use crate::lines::taking::{Scene, Taker, Taking};
+use crate::record::{NormalLine, Scan};
+use std::ops::Range;
 
 /// Settings of the transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,38 +23,29 @@ pub struct ModifiedHoughOptions {
     pub window: WindowSize,
 }
 
-/// The extractor: its settings and buffers, and the lines expected.
+/// The extractor.
+pub type ModifiedHough = Taking<ExpectedWindows>;
+
+/// Looks around the lines expected first, and then for what is left in the whole space.
 #[derive(Clone, Debug, Default)]
-pub struct ModifiedHough {
-    /// The settings; may be changed between scans.
-    pub options: ModifiedHoughOptions,
+pub struct ExpectedWindows {
+    window: WindowSize,
     expected: Vec<NormalLine>,
-    returns: Returns,
-    pool: Pool,
     accumulator: Accumulator,
-    columns: Columns,
-    assembly: Assembly,
+    whole: WholeSpace,
 }
 
-impl ModifiedHough {
-    /// An extractor with the given settings.
-    pub fn new(options: ModifiedHoughOptions) -> ModifiedHough {
-        ModifiedHough {
-            options,
-            ..ModifiedHough::default()
-        }
-    }
-
+impl ExpectedWindows {
     /// Votes in the window about a line, and takes the line that wins.
-    fn look_around(&mut self, line: NormalLine, reach: [f64; 2], out: &mut Vec<Segment>) {
-        let common = &self.options.whole.common;
-        let size = &self.options.window;
-        let row_m = size.row_m.max(common.segmentation.sigma_m);
-        let window = Window::around([line.d_m, line.alpha_rad], reach, row_m, size.column_rad);
+    fn look_around(&mut self, line: NormalLine, reach: [f64; 2], scene: &mut Scene<'_>) {
+        let common = self.whole.common();
+        let row_m = self.window.row_m.max(common.segmentation.sigma_m);
+        let around = [line.d_m, line.alpha_rad];
+        let window = Window::around(around, reach, row_m, self.window.column_rad);
         let (sin, cos) = line.alpha_rad.sin_cos();
-        let beams = self.returns.beams();
+        let beams = scene.beams();
         self.accumulator.clear();
-        for k in (0..beams.len()).filter(|k| self.pool.is_free(*k)) {
+        for k in scene.free(0..beams.len()) {
             let (y, z) = (beams.y_m[k], beams.z_m[k]);
             // A turn moves a point by its place along the line.
             let limit_m = reach[0] + reach[1] * (z * cos - y * sin).abs();
@@ -68,49 +57,40 @@ impl ModifiedHough {
             return;
         }
         self.accumulator.vote(&window);
-        let Some(([d_m, alpha_rad], _)) = self.accumulator.peak(&window) else {
-            return;
-        };
-        let peak = inverse_line(d_m, alpha_rad);
-        let assembly = &mut self.assembly;
-        self.pool
-            .take(&self.returns, peak, 1.5 * row_m, common, assembly, out);
+        if let Some(([d_m, alpha_rad], _)) = self.accumulator.peak(&window) {
+            scene.take(inverse_line(d_m, alpha_rad), 1.5 * row_m);
+        }
     }
 }
 
-impl Extractor for ModifiedHough {
-    fn extract(&mut self, scan: &Scan, out: &mut Vec<Segment>) {
-        out.clear();
-        let common = self.options.whole.common;
-        self.returns.read(scan, &common.segmentation);
-        self.assembly.begin(scan, &self.returns, &common);
-        self.pool.begin(&self.returns);
-        let reach = self.options.window.reach(scan.scan_time_s);
-        let expected = std::mem::take(&mut self.expected);
-        for line in &expected {
-            self.look_around(*line, reach, out);
+impl Taker for ExpectedWindows {
+    type Options = ModifiedHoughOptions;
+
+    fn new(options: ModifiedHoughOptions) -> ExpectedWindows {
+        ExpectedWindows {
+            window: options.window,
+            expected: Vec::new(),
+            accumulator: Accumulator::default(),
+            whole: WholeSpace::new(options.whole),
         }
-        self.expected = expected;
-        for (from, to) in self.returns.groups() {
-            transform(
-                &self.returns,
-                from..to,
-                &self.options.whole,
-                &mut self.columns,
-                &mut self.pool,
-                &mut self.assembly,
-                out,
-            );
-        }
-        self.assembly.end(out);
     }
 
-    fn fates(&self) -> &[Fate] {
-        self.assembly.fates()
+    fn common(&self) -> &ExtractorOptions {
+        self.whole.common()
+    }
+
+    fn begin(&mut self, scan: &Scan, scene: &mut Scene<'_>) {
+        let reach = self.window.reach(scan.scan_time_s);
+        for i in 0..self.expected.len() {
+            self.look_around(self.expected[i], reach, scene);
+        }
+    }
+
+    fn take(&mut self, group: Range<usize>, scene: &mut Scene<'_>) {
+        self.whole.take(group, scene);
     }
 
     fn expect(&mut self, lines: &[NormalLine]) {
-        self.returns.expect(lines);
         self.expected.clear();
         self.expected.extend(
             lines

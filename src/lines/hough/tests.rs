@@ -253,3 +253,22 @@ fn hypercubes_find_what_all_cells_find() {
         extractor.looked_into()
     );
 }
+
+/// Cells of 16 bits: more beams than they can count are a great many beams all the same.
+#[test]
+fn a_cell_that_is_full_stays_full() {
+    let beams = 70_000;
+    let window = Window::around([2.0, 0.0], [0.1, 0.1], 0.01, 0.01);
+    let mut accumulator = Accumulator::default();
+    let mut columns = Columns::default();
+    columns.begin(8, 0.01);
+    for id in 0..beams {
+        accumulator.add(2.0, 0.0);
+        columns.add(2.0, 0.0, id);
+    }
+    accumulator.vote(&window);
+    let ([d_m, _], votes) = accumulator.peak(&window).unwrap();
+    assert!((d_m - 2.0).abs() < 0.02 && votes == 65_535);
+    let peak = columns.peak().unwrap();
+    assert!(peak.votes >= 65_535, "{peak:?}");
+}

@@ -120,18 +120,18 @@ impl Accumulator {
             for rows in fours {
                 for (lane, row) in rows.iter().enumerate() {
                     if let Some(count) = self.lanes.get_mut(lane * stride + *row as usize) {
-                        *count += 1;
+                        *count = count.saturating_add(1);
                     }
                 }
             }
             for row in rest {
                 if let Some(count) = self.lanes.get_mut(*row as usize) {
-                    *count += 1;
+                    *count = count.saturating_add(1);
                 }
             }
             for lane in self.lanes.chunks_exact(stride) {
                 for (cell, count) in cells.iter_mut().zip(lane) {
-                    *cell += *count;
+                    *cell = cell.saturating_add(*count);
                 }
             }
         }

@@ -5,11 +5,9 @@ use crate::simulate::Parameters;
 use crate::simulate::staged::{frame, scattered, scattered_with};
 use nalgebra::SVector;
 
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
-
 fn true_lines(frame: &Frame, truth: &TrajectoryPoint) -> [NormalLine; 3] {
     let pose = ScannerPose::new(frame, truth.position_m, truth.rotation_rad);
-    FACES.map(|face| pose.line(face).normal)
+    Face::ALL.map(|face| pose.line(face).normal)
 }
 
 #[test]

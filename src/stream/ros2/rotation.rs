@@ -7,12 +7,17 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion};
 
 /// The quaternion of R = Rz(yaw) Ry(pitch) Rx(roll).
 pub(crate) fn quaternion([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
-    let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-    Quaternion {
-        x: q.i,
-        y: q.j,
-        z: q.k,
-        w: q.w,
+    UnitQuaternion::from_euler_angles(roll, pitch, yaw).into()
+}
+
+impl From<UnitQuaternion<f64>> for Quaternion {
+    fn from(q: UnitQuaternion<f64>) -> Quaternion {
+        Quaternion {
+            x: q.i,
+            y: q.j,
+            z: q.k,
+            w: q.w,
+        }
     }
 }
 

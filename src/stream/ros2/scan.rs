@@ -95,7 +95,7 @@ impl Messages for Scan {
         if parts.info.take() != Some(head.header.stamp) {
             take_head(self, &head, message.sequence);
         }
-        drop_absent_echoes(self, parts, head.header.stamp);
+        drop_foreign_echoes(self, parts, head.header.stamp);
         Ok(true)
     }
 }
@@ -115,8 +115,8 @@ fn take_head(scan: &mut Scan, head: &LaserScanHead, sequence: u32) {
     scan.info = None;
 }
 
-/// Empties the echoes that belong to another scan, and leaves none empty at the end.
-fn drop_absent_echoes(scan: &mut Scan, parts: &mut ScanParts, stamp: Time) {
+/// Drops the echoes that belong to another scan.
+fn drop_foreign_echoes(scan: &mut Scan, parts: &mut ScanParts, stamp: Time) {
     for (k, echo) in parts.echoes.iter_mut().enumerate() {
         if echo.take() == Some(stamp) {
             continue;
@@ -128,12 +128,7 @@ fn drop_absent_echoes(scan: &mut Scan, parts: &mut ScanParts, stamp: Time) {
             remissions.clear();
         }
     }
-    while scan.further_ranges_m.last().is_some_and(|r| r.is_empty()) {
-        scan.further_ranges_m.pop();
-    }
-    while scan.further_remissions.last().is_some_and(Vec::is_empty) {
-        scan.further_remissions.pop();
-    }
+    scan.drop_absent_echoes();
 }
 
 fn encode_echo(

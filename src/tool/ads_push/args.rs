@@ -1,7 +1,8 @@
 //! What `ads-push` takes on its command line.
 
 use crate::stream::Fault;
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::parse_duration;
 use crate::twincat::fields::{self, Field, parse_fields};
 use crate::twincat::image::{Missing, Wanted};
 use crate::twincat::layout::Layout;

@@ -1,11 +1,12 @@
 //! Motion inside the scan: the options, and where the motion comes from.
 
+use super::first_given;
 use crate::frame::Frame;
 use crate::lines::reflectors::{JointLines, ReflectorFit};
 use crate::motion::{self, Guide, Gyro, KnownMotion, LineFit, Relation, SelfMotion};
 use crate::record::{ImuSample, ReflectorLines, Scan, ScanMotion, Stamp, TrajectoryPoint};
 use crate::stream::{Fault, Input, Options, Role, SideInput};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -65,17 +66,13 @@ const REACH_S: f64 = 0.1;
 impl DeskewArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.deskew.is_some(), "--deskew"),
             (self.motion.is_some(), "--motion"),
             (self.imu.is_some(), "--imu"),
             (self.deskew_method != Correction::Points, "--deskew-method"),
             (self.smooth, "--smooth"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
+        ])
     }
 
     /// What the options ask for, as far as that can be said without reading the scans.

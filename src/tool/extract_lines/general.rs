@@ -1,7 +1,7 @@
 //! All lines of any scene: the options, the methods by name, and the stage.
 
 use super::strategy::{self, WindowArgs};
-use super::{Method, positive};
+use super::{Method, first_given};
 use crate::lines::extractor::{Extractor, ExtractorOptions};
 use crate::lines::fit::{Axis, Estimator, Loss};
 use crate::lines::hough::{HoughOptions, ModifiedHough, ModifiedHoughOptions, WindowSize};
@@ -10,7 +10,8 @@ use crate::lines::methods;
 use crate::lines::ml::{Ml, MlOptions};
 use crate::lines::segmentation::{Cut, SegmentationOptions};
 use crate::record::{BeamFate, NormalLine, Scan, Segment};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::stream::{self, Emit, Fault, Input, Options, Outcome, Stage};
+use crate::tool::values::{not_negative, positive};
 use std::path::Path;
 
 /// Settings of the extractors for any scene.
@@ -118,7 +119,7 @@ enum LossName {
 impl GeneralArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.sigma_mm.is_some(), "--sigma-mm"),
             (self.min_points.is_some(), "--min-points"),
             (self.min_length_m.is_some(), "--min-length-m"),
@@ -132,11 +133,7 @@ impl GeneralArgs {
             (self.flatness_mm.is_some(), "--flatness-mm"),
             (self.explain, "--explain"),
             (self.seed.is_some(), "--seed"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
+        ])
     }
 
     fn options(&self) -> Result<ExtractorOptions, Fault> {
@@ -171,13 +168,14 @@ impl GeneralArgs {
             Some(LossName::Tukey) => Loss::TUKEY,
         };
         let default = ExtractorOptions::default();
+        let cutting = default.segmentation;
         Ok(ExtractorOptions {
             segmentation: SegmentationOptions {
                 cut,
-                sigma_m: self.sigma_mm.unwrap_or(6.5) / 1000.0,
-                max_gap_m: self.max_gap_m.unwrap_or(0.5),
+                sigma_m: self.sigma_mm.map_or(cutting.sigma_m, |mm| mm / 1000.0),
+                max_gap_m: self.max_gap_m.unwrap_or(cutting.max_gap_m),
                 cut_at_seam: self.seam == Some(Seam::Cut),
-                ..default.segmentation
+                ..cutting
             },
             estimator,
             loss,
@@ -271,10 +269,15 @@ pub(super) fn run(
 
 /// The lines of the first scan in a file of segments.
 fn predicted(path: &Path, options: &Options) -> anyhow::Result<Vec<NormalLine>> {
-    let segments: Vec<Segment> = read_all(Some(path), &strategy::side(options))?;
-    let first = segments.first().map(|segment| segment.stamp);
-    let of_first = segments.iter().filter(|s| Some(s.stamp) == first);
-    Ok(of_first.map(|segment| segment.normal).collect())
+    let mut segments = Input::<Segment>::open(Some(path), &strategy::side(options))?;
+    let (mut lines, mut first) = (Vec::new(), None);
+    while let Some(segment) = segments.next()? {
+        if segment.stamp != *first.get_or_insert(segment.stamp) {
+            break;
+        }
+        lines.push(segment.normal);
+    }
+    Ok(lines)
 }
 
 /// Scans in, the segments of each out.
@@ -342,12 +345,5 @@ impl Stage for Explain {
 
     fn finish(&mut self, _emit: &mut Emit<'_, BeamFate>) -> anyhow::Result<Outcome> {
         Ok(Outcome::Done)
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number of at least 0 is wanted".to_owned()),
     }
 }

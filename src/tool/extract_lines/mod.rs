@@ -9,7 +9,7 @@ use self::general::GeneralArgs;
 use self::reflectors::ReflectorArgs;
 use crate::frame::Frame;
 use crate::stream::{Fault, Outcome};
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use clap::ValueEnum;
 use std::path::PathBuf;
 
@@ -110,8 +110,9 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut options = args.common.options("extract-lines")?;
     let frame = match &args.frame {
         Some(path) => {
-            options.configuration = std::fs::read_to_string(path).ok();
-            Some(Frame::read(path)?)
+            let (frame, text) = Frame::read_with_text(path)?;
+            options.configuration = Some(text);
+            Some(frame)
         }
         None => None,
     };
@@ -168,9 +169,30 @@ fn refuse_foreign(method: Method, args: &Args) -> Result<(), Fault> {
     })
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a positive number is wanted".to_owned()),
+/// The first of some options that is given, by its name.
+fn first_given(options: &[(bool, &'static str)]) -> Option<&'static str> {
+    let given = options.iter().find(|(given, _)| *given);
+    given.map(|(_, name)| *name)
+}
+
+/// How many scans came, and in how many of them the frame was not found.
+#[derive(Default)]
+struct Tally {
+    scans: u64,
+    without: u64,
+}
+
+impl Tally {
+    /// Says what was not found; the outcome of a run whose scans were counted so.
+    fn outcome(&self) -> Outcome {
+        let Tally { scans, without } = self;
+        if *without > 0 {
+            eprintln!("extract-lines: no reflectors in {without} of {scans} scans");
+        }
+        if *scans > 0 && without == scans {
+            Outcome::Degraded
+        } else {
+            Outcome::Done
+        }
     }
 }

@@ -1,13 +1,14 @@
 //! Reflector lines and strip edges: the options and the stage.
 
 use super::deskew::{Deskew, DeskewArgs, Fitted};
-use super::positive;
+use super::{Tally, first_given};
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
 use crate::lines::reflectors::{self, ReflectorFit};
 use crate::motion::KnownMotion;
 use crate::record::{ReflectorLines, Scan};
 use crate::stream::{self, Emit, Fault, Options, Outcome, Stage};
+use crate::tool::values::positive;
 use std::path::Path;
 
 /// Settings of the reflector fit.
@@ -30,24 +31,22 @@ pub(super) struct ReflectorArgs {
 impl ReflectorArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.range_sigma_mm.is_some(), "--range-sigma-mm"),
             (self.bias_sigma_mm.is_some(), "--bias-sigma-mm"),
             (self.cold, "--cold"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
-            .or_else(|| self.deskew.given())
+        ])
+        .or_else(|| self.deskew.given())
     }
 
     fn options(&self) -> reflectors::Options {
+        let default = reflectors::Options::default();
+        let bias_sigma_m = self.bias_sigma_mm.map(|mm| mm / 1000.0);
         reflectors::Options {
             sigma_m: self.range_sigma_mm.map(|mm| mm / 1000.0),
-            bias_sigma_m: self.bias_sigma_mm.unwrap_or(15.0) / 1000.0,
+            bias_sigma_m: bias_sigma_m.unwrap_or(default.bias_sigma_m),
             track: !self.cold,
-            ..reflectors::Options::default()
+            ..default
         }
     }
 }
@@ -70,8 +69,7 @@ pub(super) fn run(
         waiting: None,
         edges: EdgeMeter::new(&frame),
         lines: ReflectorLines::default(),
-        without: 0,
-        scans: 0,
+        tally: Tally::default(),
     };
     stream::filter(options, input, &mut stage)
 }
@@ -84,8 +82,7 @@ struct Reflectors {
     waiting: Option<Box<(Scan, ReflectorLines)>>,
     edges: EdgeMeter,
     lines: ReflectorLines,
-    scans: u64,
-    without: u64,
+    tally: Tally,
 }
 
 impl Reflectors {
@@ -125,13 +122,13 @@ impl Stage for Reflectors {
     type Out = ReflectorLines;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
-        self.scans += 1;
+        self.tally.scans += 1;
         self.lines.begin(scan);
         let fitted = self.deskew.fit(&mut self.fit, scan, &mut self.lines)?;
         let before = fitted.as_ref().and_then(|fitted| fitted.before);
         self.let_go(before.as_ref(), emit)?;
         let Some(fitted) = fitted else {
-            self.without += 1;
+            self.tally.without += 1;
             return emit.write(&self.lines);
         };
         measure(&mut self.edges, scan, &fitted, &mut self.lines);
@@ -144,24 +141,14 @@ impl Stage for Reflectors {
 
     fn finish(&mut self, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
         self.let_go(None, emit)?;
-        if self.without > 0 {
-            eprintln!(
-                "extract-lines: no reflectors in {} of {} scans",
-                self.without, self.scans
-            );
-        }
+        let outcome = self.tally.outcome();
         if self.deskew.unknown > 0 {
             eprintln!(
                 "extract-lines: --motion does not say how {} of {} scans moved; they were taken as \
                  at rest",
-                self.deskew.unknown, self.scans
+                self.deskew.unknown, self.tally.scans
             );
         }
-        let nothing = self.without == self.scans && self.scans > 0;
-        Ok(if nothing {
-            Outcome::Degraded
-        } else {
-            Outcome::Done
-        })
+        Ok(outcome)
     }
 }

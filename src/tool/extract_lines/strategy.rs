@@ -1,14 +1,15 @@
 //! The frame's three lines by the modified Hough transform, alone or as part of the dissertation's
 //! strategy: the options and the stage. The window's options serve any scene too.
 
-use super::positive;
+use super::{Tally, first_given};
 use crate::edges::EdgeMeter;
 use crate::frame::Frame;
 use crate::lines::dissertation::{Strategy, StrategyOptions};
 use crate::lines::fit::Estimator;
 use crate::lines::hough::WindowSize;
 use crate::record::{NormalLine, ReflectorLines, Scan};
-use crate::stream::{self, Emit, Fault, Options, Outcome, Stage, read_all};
+use crate::stream::{self, Emit, Fault, Input, Options, Outcome, Stage};
+use crate::tool::values::positive;
 use std::path::{Path, PathBuf};
 
 /// Settings of the windows.
@@ -40,18 +41,14 @@ pub(super) struct WindowArgs {
 impl WindowArgs {
     /// The first option that is given.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let options = [
+        first_given(&[
             (self.predict.is_some(), "--predict"),
             (self.window_speed_m_s.is_some(), "--window-speed-m-s"),
             (self.window_turn_deg_s.is_some(), "--window-turn-deg-s"),
             (self.cell_mm.is_some(), "--cell-mm"),
             (self.cell_deg.is_some(), "--cell-deg"),
             (self.coarse, "--coarse"),
-        ];
-        options
-            .iter()
-            .find(|(given, _)| *given)
-            .map(|(_, name)| *name)
+        ])
     }
 
     pub(super) fn size(&self) -> WindowSize {
@@ -102,26 +99,23 @@ pub(super) fn run(
         edges: (!dissertation && !windows.coarse).then(|| EdgeMeter::new(&frame)),
         coarse: windows.coarse,
         lines: ReflectorLines::default(),
-        without: 0,
-        scans: 0,
+        tally: Tally::default(),
     };
     stream::filter(options, input, &mut stage)
 }
 
 /// The first lines record with all three lines.
 fn predicted(path: &Path, options: &Options) -> anyhow::Result<[NormalLine; 3]> {
-    let records: Vec<ReflectorLines> = read_all(Some(path), &side(options))?;
-    let seen = records
-        .iter()
-        .find(|r| r.lines().iter().all(|line| line.is_seen()));
-    let first = seen.map(|r| r.lines().map(|line| line.normal));
-    first.ok_or_else(|| {
-        let name = path.display();
-        Fault::BadData(format!(
-            "{name}: no record with all three lines to start from"
-        ))
-        .into()
-    })
+    let mut records = Input::<ReflectorLines>::open(Some(path), &side(options))?;
+    while let Some(record) = records.next()? {
+        let lines = record.lines();
+        if lines.iter().all(|line| line.is_seen()) {
+            return Ok(lines.map(|line| line.normal));
+        }
+    }
+    let name = path.display();
+    let text = format!("{name}: no record with all three lines to start from");
+    Err(Fault::BadData(text).into())
 }
 
 /// Options for reading a file beside the scans: all of it.
@@ -141,8 +135,7 @@ struct ThreeLines {
     /// Whether there are none.
     coarse: bool,
     lines: ReflectorLines,
-    scans: u64,
-    without: u64,
+    tally: Tally,
 }
 
 impl Stage for ThreeLines {
@@ -150,35 +143,21 @@ impl Stage for ThreeLines {
     type Out = ReflectorLines;
 
     fn push(&mut self, scan: &Scan, emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<()> {
-        self.scans += 1;
+        self.tally.scans += 1;
         self.lines.begin(scan);
         if self.strategy.find_lines(scan, &mut self.lines) {
             match &mut self.edges {
                 Some(edges) => edges.measure(scan, &mut self.lines),
                 None if self.coarse => {}
-                None => {
-                    self.strategy.find_strips(&mut self.lines);
-                    self.strategy.date_edges(scan, &mut self.lines);
-                }
+                None => self.strategy.find_strips(scan, &mut self.lines),
             }
         } else {
-            self.without += 1;
+            self.tally.without += 1;
         }
         emit.write(&self.lines)
     }
 
     fn finish(&mut self, _emit: &mut Emit<'_, ReflectorLines>) -> anyhow::Result<Outcome> {
-        if self.without > 0 {
-            eprintln!(
-                "extract-lines: no reflectors in {} of {} scans",
-                self.without, self.scans
-            );
-        }
-        let nothing = self.without == self.scans && self.scans > 0;
-        Ok(if nothing {
-            Outcome::Degraded
-        } else {
-            Outcome::Done
-        })
+        Ok(self.tally.outcome())
     }
 }

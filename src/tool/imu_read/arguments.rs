@@ -6,7 +6,7 @@ use crate::gx1::{Command, Gains, TickFactors};
 use crate::link::Endpoint;
 use crate::record::Axes;
 use crate::stream::Fault;
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use std::path::PathBuf;
 
 /// What becomes of the unit's numbers.

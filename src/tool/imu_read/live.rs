@@ -15,9 +15,10 @@ use crate::link::{
 };
 use crate::record::Stamp;
 use crate::stream::{Fault, Options, Outcome, Stop};
-use crate::tool::common::{CommonArgs, parse_duration, parse_rotation};
+use crate::tool::arguments::CommonArgs;
 use crate::tool::ending::Ending;
 use crate::tool::tee::Tee;
+use crate::tool::values::{parse_duration, parse_rotation};
 use anyhow::Context;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};

@@ -11,7 +11,7 @@ use crate::gx1::{Arrived, Command, Gains, Mode, Samples, Setup};
 use crate::link::{Arrivals, HostInstant, times_beside};
 use crate::record::Stamp;
 use crate::stream::{Bytes, Fault, Options, Outcome, Stop};
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};

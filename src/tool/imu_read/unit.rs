@@ -14,7 +14,7 @@ use crate::gx1::{
 };
 use crate::link::{Endpoint, latency_timer};
 use crate::stream::{Fault, Outcome, Stop};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use std::io::{self, Write};
 use std::time::Duration;
 

@@ -5,7 +5,7 @@ use crate::report::origin;
 use crate::stream::{
     Bytes, Encoding, Fault, Kind, Lane, Loss, Options, Outcome, Output, lane_of, lanes, write_lanes,
 };
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\

@@ -5,7 +5,7 @@ use crate::stream::{
     Bytes, Encoding, Fault, Input, Kind, KindVisitor, Options, Outcome, StreamRecord, WholeFile,
     topics,
 };
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

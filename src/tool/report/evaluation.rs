@@ -8,7 +8,7 @@ use crate::report::{
     Recording, Settings, Zone, origin,
 };
 use crate::stream::{Fault, Input, Options};
-use crate::tool::common::parse_signed_duration;
+use crate::tool::values::parse_signed_duration;
 use std::path::{Path, PathBuf};
 
 /// How poses are evaluated.

@@ -9,6 +9,7 @@ use crate::report::{Gate, GateError, Layout, origin};
 use crate::simulate::scanner::{self, Scanner};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use crate::tool::simulate::dilution::by_remission;
+use crate::tool::values::not_negative;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -117,13 +118,6 @@ fn parse_places(text: &str) -> Result<[usize; 2], String> {
     match (y.trim().parse::<usize>(), z.trim().parse::<usize>()) {
         (Ok(y), Ok(z)) if (1..=100).contains(&y) && (1..=100).contains(&z) => Ok([y, z]),
         _ => Err(wanted()),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number that is not negative is wanted".to_owned()),
     }
 }
 

@@ -5,7 +5,8 @@ use super::outputs;
 use crate::report::lines::{Matching, Score, json, score, table};
 use crate::report::{Gate, GateError, origin};
 use crate::stream::{Fault, Outcome, WholeFile};
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::positive;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -82,13 +83,6 @@ pub struct LineArgs {
 
 fn parse_gate(text: &str) -> Result<Gate, GateError> {
     Gate::for_lines(text)
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a positive number is wanted".to_owned()),
-    }
 }
 
 fn percent(text: &str) -> Result<f64, String> {

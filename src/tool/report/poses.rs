@@ -10,7 +10,8 @@ use crate::report::{
     origin, page, terminal,
 };
 use crate::stream::{Fault, Options, Outcome, Role, WholeFile};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::parse_duration;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -7,7 +7,8 @@ use crate::report::origin;
 use crate::report::robot::Findings;
 use crate::robot::{CalibrationError, Robot, Standing, Unknown, calibrate, places};
 use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -68,16 +69,16 @@ pub struct RobotArgs {
     #[arg(long, value_name = "TIME", default_value = "200ms", value_parser = parse_duration)]
     settle: Duration,
     /// Standard deviation of a position that comes without a covariance
-    #[arg(long, value_name = "MM", default_value_t = 2.0, value_parser = size)]
+    #[arg(long, value_name = "MM", default_value_t = 2.0, value_parser = not_negative)]
     sigma_mm: f64,
     /// Standard deviation of an angle that comes without a covariance
-    #[arg(long, value_name = "DEG", default_value_t = 0.1, value_parser = size)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.1, value_parser = not_negative)]
     sigma_deg: f64,
     /// How well the rest of the robot is known, where positions show it (standard deviation)
-    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = size)]
+    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = not_negative)]
     model_sigma_mm: f64,
     /// The same for angles
-    #[arg(long, value_name = "DEG", default_value_t = 0.05, value_parser = size)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.05, value_parser = not_negative)]
     model_sigma_deg: f64,
     /// Print JSON in place of the tables
     #[arg(long)]
@@ -87,13 +88,6 @@ pub struct RobotArgs {
     ascii: bool,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-fn size(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number from 0 on is wanted".to_owned()),
-    }
 }
 
 /// Two points of a desired trajectory closer than this are the same place: a controller's rest is

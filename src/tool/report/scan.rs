@@ -10,7 +10,7 @@ use crate::report::{Figure, origin};
 use crate::stream::{
     Encoding, Input, Options, Outcome, Role, StreamCopy, WholeFile, copies, read_all,
 };
-use crate::tool::common::CommonArgs;
+use crate::tool::arguments::CommonArgs;
 use std::path::{Path, PathBuf};
 use std::thread;
 

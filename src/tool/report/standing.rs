@@ -5,7 +5,8 @@ use crate::record::{Pose, TrajectoryPoint};
 use crate::report::standing::{self, Criteria, Desired, csv, find, json, table};
 use crate::report::{Gate, GateError, Limits, Reference, origin};
 use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -95,13 +96,6 @@ fn parse_home(text: &str) -> Result<Home, String> {
             Ok(Home([x, y, z, roll, pitch, yaw]))
         }
         _ => Err(wanted()),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number that is not negative is wanted".to_owned()),
     }
 }
 

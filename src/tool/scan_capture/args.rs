@@ -1,12 +1,13 @@
 //! The command line.
 
-use super::super::common::{CommonArgs, parse_duration, parse_rotation};
 use super::NAME;
 use super::configure::ConfigureArgs;
 use super::info::{InfoArgs, ListArgs};
 use crate::link::{Endpoint, Rotation, parse_seconds_ns, would_write};
 use crate::record::Stamp;
 use crate::stream::Fault;
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::{parse_duration, parse_rotation};
 use std::path::PathBuf;
 use std::time::Duration;
 

@@ -13,7 +13,8 @@ use crate::simulate::{
     Course, Effect, Effects, Grid, Parameters, Places, Scatter, Seed, Setup, SharedMotion,
 };
 use crate::stream::{Fault, Options, read_all};
-use crate::tool::common::{CommonArgs, Format, FrameArg, parse_duration};
+use crate::tool::arguments::{CommonArgs, Format, FrameArg};
+use crate::tool::values::parse_duration;
 use anyhow::Context;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};

@@ -10,6 +10,7 @@ use crate::simulate::parameters::Remission;
 use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
+use crate::tool::values::not_negative;
 
 /// The command line's part.
 #[derive(Debug, clap::Args)]
@@ -29,13 +30,6 @@ pub(super) struct DilutionArgs {
     /// Draw the map as a page
     #[arg(long, value_name = "FILE", requires = "dilution")]
     dilution_html: Option<std::path::PathBuf>,
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number that is not negative is wanted".to_owned()),
-    }
 }
 
 /// Sums of one place: poses tried, poses that a scan can tell, and their variances.

@@ -6,7 +6,7 @@ use crate::record::Stamp;
 use crate::simulate::Seed;
 use crate::simulate::office::{Errors, Office, Setup, View};
 use crate::stream::{Encoding, Fault, Outcome, Output, Stop};
-use crate::tool::common::Format;
+use crate::tool::arguments::Format;
 use clap::parser::ValueSource;
 
 /// A scene that is no frame.

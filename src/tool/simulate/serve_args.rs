@@ -4,7 +4,7 @@ use crate::gx1::{Command, TickFactors};
 use crate::link::faults::Faults;
 use crate::sick::emulator::TransmitStamp;
 use crate::stream::Fault;
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

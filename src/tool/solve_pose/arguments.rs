@@ -1,7 +1,8 @@
 //! The command line of solve-pose.
 
 use super::filter::FilterArgs;
-use crate::tool::common::{CommonArgs, FrameArg, parse_duration};
+use crate::tool::arguments::{CommonArgs, FrameArg};
+use crate::tool::values::{not_negative, parse_duration, positive};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -146,20 +147,6 @@ EXAMPLES
       lines.csv > poses.csv
   The published method, to be compared with the default one:
     solve-pose -f frame.toml --method vote --imu imu.csv lines.csv -o vote.csv";
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number above 0 is wanted".to_owned()),
-    }
-}
-
-pub(super) fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number that is not negative is wanted".to_owned()),
-    }
-}
 
 #[cfg(test)]
 mod tests {

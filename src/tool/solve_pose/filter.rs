@@ -5,6 +5,7 @@ use crate::pose::filter::{Filter, Options, Smoother};
 use crate::pose::joint;
 use crate::pose::pitch::Pitch;
 use crate::record::{Pose, ReflectorLines};
+use crate::tool::values::not_negative;
 
 /// Which of the two.
 pub(super) enum ManyScans {
@@ -75,6 +76,6 @@ pub(super) struct FilterArgs {
     #[arg(long, group = "many", conflicts_with_all = ["filter", "align_imu", "calibrate"])]
     pub(super) smooth: bool,
     /// The range bias wanders by this much in a second, in place of another one for each scan
-    #[arg(long, value_name = "MM", requires = "many", value_parser = super::arguments::not_negative)]
+    #[arg(long, value_name = "MM", requires = "many", value_parser = not_negative)]
     pub(super) range_bias_walk_mm: Option<f64>,
 }

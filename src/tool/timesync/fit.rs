@@ -8,7 +8,8 @@ use crate::clock::{
 };
 use crate::record::ClockExchange;
 use crate::stream::{self, Fault, Outcome, WholeFile};
-use crate::tool::common::{CommonArgs, parse_signed_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::parse_signed_duration;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -9,7 +9,7 @@ use crate::sick::client::{Client, ClientError, Reply, Settings};
 use crate::sick::cola::Dialect;
 use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Fault, Stop};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

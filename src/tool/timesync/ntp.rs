@@ -5,7 +5,7 @@ use crate::sick::client::commands::{self, UserLevel};
 use crate::sick::client::{Client, Request, Value, Values};
 use crate::sick::scandata::FieldError;
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use serde::Serialize;
 use std::net::Ipv4Addr;
 use std::time::Duration;

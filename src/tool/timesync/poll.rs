@@ -4,7 +4,8 @@ use super::TOOL;
 use super::live::{self, DeviceArgs, PaceArgs, Poller};
 use crate::record::ClockExchange;
 use crate::stream::{Outcome, Output, Stop};
-use crate::tool::common::{CommonArgs, parse_duration};
+use crate::tool::arguments::CommonArgs;
+use crate::tool::values::parse_duration;
 use std::time::{Duration, Instant};
 
 /// Ask a scanner for its time, again and again, and log the exchanges

@@ -9,7 +9,7 @@ use crate::sick::client::commands::{ScanContents, UserLevel};
 use crate::sick::client::{Client, ClientError};
 use crate::sick::scandata::Calendar;
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 

@@ -7,7 +7,7 @@ use super::text::seconds;
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::record::ClockExchange;
 use crate::stream::{Encoding, Options, Outcome, Output, Stop, WholeFile};
-use crate::tool::common::parse_duration;
+use crate::tool::values::parse_duration;
 use serde::Serialize;
 use std::collections::VecDeque;
 use std::path::PathBuf;

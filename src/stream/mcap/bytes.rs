@@ -5,7 +5,7 @@
 //! gigabytes. And the reader takes it for granted that the records of a chunk that is not compressed
 //! end where the chunk does.
 
-use super::exit::Fault;
+use crate::stream::exit::Fault;
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReader, LinearReaderOptions};
@@ -19,7 +19,7 @@ const MESSAGE_LIMIT: usize = 1 << 28;
 
 /// What is wrong with the bytes.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Damage {
+pub(in crate::stream) enum Damage {
     /// They end before the file does.
     #[error("ends in the middle")]
     CutOff,
@@ -45,7 +45,7 @@ impl From<McapError> for Damage {
 
 impl Damage {
     /// As an error of the file `name`; `place` says how far it could be read.
-    pub(super) fn fault(&self, name: &str, place: &str) -> Fault {
+    pub(in crate::stream) fn fault(&self, name: &str, place: &str) -> Fault {
         Fault::BadData(match self {
             Damage::CutOff => format!("{name}: ends in the middle: it was cut off{place}"),
             damage => format!("{name}: not a whole MCAP{place}: {damage}"),
@@ -54,7 +54,7 @@ impl Damage {
 }
 
 /// A reader of records, to be fed by a [`Feed`].
-pub(super) fn linear_reader() -> LinearReader {
+pub(in crate::stream) fn linear_reader() -> LinearReader {
     LinearReader::new_with_options(
         LinearReaderOptions::default()
             .with_record_length_limit(MESSAGE_LIMIT)
@@ -63,7 +63,7 @@ pub(super) fn linear_reader() -> LinearReader {
 }
 
 /// Parses a record that the reader has given out.
-pub(super) fn parse(opcode: u8, record: &[u8]) -> Result<Record<'_>, Damage> {
+pub(in crate::stream) fn parse(opcode: u8, record: &[u8]) -> Result<Record<'_>, Damage> {
     if !fit(opcode, record) {
         return Err(Damage::InRecord(opcode));
     }
@@ -71,13 +71,13 @@ pub(super) fn parse(opcode: u8, record: &[u8]) -> Result<Record<'_>, Damage> {
 }
 
 /// What feeds a [`linear_reader`] with the bytes of an input.
-pub(super) struct Feed<I> {
+pub(in crate::stream) struct Feed<I> {
     input: I,
     walk: Walk,
 }
 
 impl<I: Read> Feed<I> {
-    pub(super) fn new(input: I) -> Feed<I> {
+    pub(in crate::stream) fn new(input: I) -> Feed<I> {
         Feed {
             input,
             walk: Walk::default(),
@@ -86,7 +86,10 @@ impl<I: Read> Feed<I> {
 
     /// Gives the reader what the input has. Bytes behind a record that goes beyond its chunk are
     /// kept from it: once it has given out what came before, this is an error.
-    pub(super) fn give(&mut self, reader: &mut LinearReader) -> io::Result<Result<(), Damage>> {
+    pub(in crate::stream) fn give(
+        &mut self,
+        reader: &mut LinearReader,
+    ) -> io::Result<Result<(), Damage>> {
         if self.walk.is_lost() {
             return Ok(Err(Damage::BeyondChunk));
         }
