@@ -85,7 +85,7 @@ pub fn solve(
     frame: &Frame,
     pitch_rad: f64,
 ) -> Result<VotePose, VoteFailure> {
-    for (line, face) in lines.lines().into_iter().zip(FACES) {
+    for (line, face) in lines.lines().into_iter().zip(Face::ALL) {
         if !line.is_seen() {
             return Err(VoteFailure::NoLine(face));
         }
@@ -145,8 +145,6 @@ pub fn pose(lines: &ReflectorLines, frame: &Frame, pitch_rad: f64) -> Pose {
         },
     }
 }
-
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 
 /// S in P.
 fn mounting(frame: &Frame) -> Rotation3<f64> {

@@ -4,7 +4,7 @@ use crate::frame::Frame;
 use crate::link::HostInstant;
 use crate::motion::{Carrier, CarryMethod, CarryOptions, Inertia};
 use crate::record::{ImuSample, Pose, Stamp, Status, TrajectoryPoint};
-use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage};
+use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage, StreamRecord};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration, parse_signed_duration, positive};
 use std::path::{Path, PathBuf};

@@ -7,7 +7,6 @@ use crate::frame::{Crossing, Frame, ScannerPose};
 use crate::record::{Edge, EdgeKind, Face};
 use nalgebra::{DMatrix, DVector};
 
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 /// Line parameters and the bias.
 const LINE_ROWS: usize = 7;
 /// A scan's own unknowns: x, y, z, roll, pitch, yaw, range bias, threshold, footprint scale.
@@ -170,7 +169,7 @@ fn add_lines(
     let (rows, mut residuals) = white.equations(lines, pose, &joint::Vector::from(*own));
     // In the parameters: the frame's size and the range scale move distances.
     let mut shared = DMatrix::zeros(LINE_ROWS, layout.count());
-    for (k, face) in FACES.into_iter().enumerate() {
+    for (k, face) in Face::ALL.into_iter().enumerate() {
         if !white.known[2 * k] {
             continue;
         }

@@ -13,7 +13,6 @@ const FEW: u32 = 8;
 const BESIDE: f64 = 4.0;
 /// The state, and a strip's level and background.
 const LEVELS: usize = STATE + 2;
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 
 /// A scan from one pose.
 pub(super) struct View<'a> {
@@ -53,7 +52,8 @@ impl<'a> View<'a> {
 
     /// The face that a beam meets first, and where.
     fn first(&self, angle_rad: f64) -> Option<(Face, Crossing)> {
-        let crossings = FACES.map(|face| self.pose.crossing(angle_rad, face).map(|c| (face, c)));
+        let crossings =
+            Face::ALL.map(|face| self.pose.crossing(angle_rad, face).map(|c| (face, c)));
         crossings
             .into_iter()
             .flatten()
@@ -63,21 +63,20 @@ impl<'a> View<'a> {
     /// Whether a point of a face is on a plate or a strip.
     fn is_hit(&self, face: Face, p: &[f64; 3]) -> bool {
         let within = |v: f64, [from, to]: [f64; 2]| v >= from && v <= to;
-        let half_x = 0.5 * self.frame.bounds.dx_m;
         let plate = |plate: &crate::frame::Plate| {
             plate.face == face && within(p[0], plate.x_m) && within(p[2], plate.z_m)
         };
         let v = p[along(face)];
         let strip = |(_, strip): (usize, &Strip)| {
             let off = v - strip.offset_m - p[0] * strip.slope();
-            within(p[0], strip.x_m.unwrap_or([-half_x, half_x])) && off.abs() <= 0.5 * strip.width_m
+            within(p[0], strip.x_span_m(&self.frame.bounds)) && off.abs() <= 0.5 * strip.width_m
         };
         self.frame.plates.iter().any(plate) || self.frame.strips_on(face).any(strip)
     }
 
     /// Information of the ranges, with a variance each: range = d / cos(angle - alpha) + bias.
     pub(super) fn lines(&self, variance: f64) -> Option<SMatrix<f64, STATE, STATE>> {
-        let lines = FACES.map(|face| self.pose.line(face));
+        let lines = Face::ALL.map(|face| self.pose.line(face));
         let mut sums = [SMatrix::<f64, 3, 3>::zeros(); 3];
         let mut points = [0u32; 3];
         for beam in 0..self.fan.count {
@@ -156,7 +155,6 @@ impl<'a> View<'a> {
     /// The angle of the beam that meets the edge (root of g).
     fn edge_rad(&self, edge: &Edge) -> Option<f64> {
         let boundary = joint::Boundary::of(edge, self.frame)?;
-        let half_x = 0.5 * self.frame.bounds.dx_m;
         let strip = self.frame.strips.get(edge.strip as usize)?;
         let mut angle = match edge.face {
             Face::Right => 0.0,
@@ -170,7 +168,7 @@ impl<'a> View<'a> {
             angle -= step;
             if step.abs() < 1e-12 {
                 let x = self.pose.crossing(angle, edge.face)?.point_m[0];
-                let [from, to] = strip.x_m.unwrap_or([-half_x, half_x]);
+                let [from, to] = strip.x_span_m(&self.frame.bounds);
                 return (x >= from && x <= to).then_some(angle);
             }
         }

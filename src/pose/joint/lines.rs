@@ -7,7 +7,6 @@ use crate::pose::gaussian::Gaussian;
 use crate::record::{Face, ReflectorLines, Status};
 use nalgebra::{SMatrix, SVector};
 
-const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 /// Standard deviation of a bias that was not estimated and is held at zero, m.
 const HELD_BIAS_M: f64 = 1e-6;
 
@@ -62,7 +61,7 @@ impl WhiteLines {
     ) -> (SMatrix<f64, 7, STATE>, SVector<f64, 7>) {
         let mut rows = SMatrix::<f64, 7, STATE>::zeros();
         let mut residuals = SVector::<f64, 7>::zeros();
-        for (k, (line, face)) in lines.lines().into_iter().zip(FACES).enumerate() {
+        for (k, (line, face)) in lines.lines().into_iter().zip(Face::ALL).enumerate() {
             if !self.known[2 * k] {
                 continue;
             }
