@@ -400,6 +400,14 @@ fn a_recording_gives_the_same_records() {
     );
     let packets = sh(&dir, "imu-read replay run.gx1 --packets -q").expect(0);
     assert!(packets.rows().iter().any(|row| row.contains(",0x28,")));
+    // A table of times is of one recording.
+    let twice = "imu-read replay run.gx1 run.gx1 --times run.times.csv";
+    let refused = sh(&dir, twice).expect(2);
+    assert!(
+        refused.stderr.contains("one recording"),
+        "{}",
+        refused.stderr
+    );
     // Without what lies beside it.
     std::fs::remove_file(dir.join("run.unit.toml")).unwrap();
     sh(&dir, "imu-read replay run.gx1").expect(2);

@@ -4,30 +4,16 @@
 //! The recordings lie outside the repository, in ../shared/data or where CABLEPOSE_DATA says;
 //! without them these tests say so and pass. What needs no recording uses testdata/lms511.cola.
 
+mod shell;
+
 use cablepose::record::{Scan, Stamp};
 use cablepose::sick::cola::{Event, Framer};
 use cablepose::sick::replay::{Replay, Settings};
 use cablepose::sick::scandata::{self, LmdScandata};
+use shell::{recording, testdata};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-
-fn recording(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("CABLEPOSE_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = data.join("lms5xx").join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: no {} (set CABLEPOSE_DATA)", path.display());
-    None
-}
-
-fn own_recording() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/lms511.cola")
-}
 
 /// Every scan of a stream fed in chunks, and the number of telegrams; nothing may be skipped.
 fn scans(stream: &[u8], chunk: usize) -> (Vec<Scan>, u64) {
@@ -228,7 +214,7 @@ fn arrival_times_beside_the_recording_are_used() {
 
 #[test]
 fn a_recording_cut_anywhere_is_in_order() {
-    let stream = std::fs::read(own_recording()).unwrap();
+    let stream = std::fs::read(testdata("lms511.cola")).unwrap();
     let path = scratch("cut.cola");
     std::fs::write(&path, &stream[40..stream.len() - 100]).unwrap();
     let ended = scan_capture(&[], &path);
@@ -257,7 +243,7 @@ fn begin_of(stream: &[u8], n: usize) -> usize {
 /// The own recording with `bytes` put `after` bytes behind the channel's name in the fourth
 /// telegram, whose XOR is made to fit; and where that telegram begins.
 fn with_changed_channel(channel: &[u8], after: isize, bytes: &[u8]) -> (Vec<u8>, usize) {
-    let mut stream = std::fs::read(own_recording()).unwrap();
+    let mut stream = std::fs::read(testdata("lms511.cola")).unwrap();
     let (begin, end) = (begin_of(&stream, 3), begin_of(&stream, 4));
     let telegram = &mut stream[begin..end];
     let at = telegram

@@ -229,6 +229,8 @@ enum Answer {
 struct Scripted {
     listener: TcpListener,
     place: String,
+    /// It is asked for scans and refuses.
+    is_busy: bool,
 }
 
 /// What a scripted device does when it has sent its scans.
@@ -242,9 +244,17 @@ enum After {
 
 impl Scripted {
     fn new() -> Scripted {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        Scripted::at("127.0.0.1:0")
+    }
+
+    fn at(place: &str) -> Scripted {
+        let listener = TcpListener::bind(place).unwrap();
         let place = listener.local_addr().unwrap().to_string();
-        Scripted { listener, place }
+        Scripted {
+            listener,
+            place,
+            is_busy: false,
+        }
     }
 
     /// Serves one connection; gives the requests that came, in their order.
@@ -276,10 +286,11 @@ impl Scripted {
                         b"sRN DeviceIdent" => {
                             Answer::Body(b"sRA DeviceIdent \0\x01L\0\x011".to_vec())
                         }
+                        [b's', b'E', b'N', ..] if self.is_busy => Answer::Refuse,
                         [b's', b'E', b'N', rest @ ..] => Answer::Body([b"sEA", rest].concat()),
                         _ => script(&text),
                     };
-                    let starts = telegram.body == b"sEN LMDscandata \x01";
+                    let starts = telegram.body == b"sEN LMDscandata \x01" && !self.is_busy;
                     requests.push(text);
                     let body = match answer {
                         Answer::Body(body) => body,
@@ -528,6 +539,41 @@ fn time_limits_hold_while_the_line_is_down() {
 }
 
 #[test]
+fn a_refusal_ends_no_capture_that_has_scans() {
+    let dir = scratch("live-busy");
+    let device = Scripted::new();
+    let place = device.place.clone();
+    let first = device.serve(3, After::Close, |_| Answer::Refuse);
+    let args = [&*place, "-n", "8", "-v", "-o", "out.csv"];
+    let capture = Capture::start(&dir, Stdio::null(), &args);
+    first.join().unwrap();
+    let busy = Scripted {
+        is_busy: true,
+        ..Scripted::at(&place)
+    };
+    let second = busy.serve(0, After::Answer, |_| Answer::Refuse);
+    assert_eq!(
+        second.join().unwrap().last().unwrap(),
+        "sEN LMDscandata \\x01"
+    );
+    let third = Scripted::at(&place).serve(20, After::Answer, |_| Answer::Refuse);
+    let stderr = capture.end().expect(3);
+    assert!(stderr.contains(" 1 outages"), "{stderr}");
+    assert_eq!(column(&dir.join("out.csv"), "seq").len(), 8);
+    third.join().unwrap();
+    // One that refuses from the beginning is given up.
+    let busy = Scripted {
+        is_busy: true,
+        ..Scripted::new()
+    };
+    let place = busy.place.clone();
+    let refusing = busy.serve(0, After::Answer, |_| Answer::Refuse);
+    let stderr = self::capture(&dir, &[&place]).expect(69);
+    assert!(stderr.contains("refused with sFA 3"), "{stderr}");
+    refusing.join().unwrap();
+}
+
+#[test]
 fn a_scanner_that_starts_is_waited_for() {
     let dir = scratch("live-wait");
     let device = Emulator::serve(&dir, &["--boot", "2s"]);
@@ -655,7 +701,7 @@ fn a_device_that_reads_back_otherwise_is_not_captured() {
     let requests = device.serve(3, After::Answer, liar);
     let args = [&*place, "--configure", "--echoes", "all"];
     let stderr = capture(&dir, &args).expect(69);
-    assert!(stderr.contains("the echo filter is Some(Last)"), "{stderr}");
+    assert!(stderr.contains("the echo filter is last"), "{stderr}");
     let requests = requests.join().unwrap();
     assert!(requests.contains(&"sMN Run".to_owned()));
     assert!(!requests.iter().any(|request| request.starts_with("sEN")));

@@ -4,27 +4,16 @@
 //! The recordings lie outside the repository (../shared/data or CABLEPOSE_DATA); without them those
 //! tests say so and pass.
 
+mod shell;
+
 use cablepose::link::{Arrivals, HostInstant};
 use cablepose::record::{Scan, Stamp};
 use cablepose::sick::angle_jitter::{Correction, Delay, Learner};
-
 use cablepose::sick::cola::{Event, Framer};
 use cablepose::sick::replay::{Replay, Settings};
 use cablepose::sick::scandata::{Channel, LmdScandata, is_scan};
-use std::path::{Path, PathBuf};
-
-fn recording(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("CABLEPOSE_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = data.join("lms5xx").join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: no {} (set CABLEPOSE_DATA)", path.display());
-    None
-}
+use shell::recording;
+use std::path::Path;
 
 /// The scans of a recording with their arrival times.
 fn scans(name: &str) -> Option<Vec<Scan>> {

@@ -139,6 +139,11 @@ fn what_cannot_be_fitted_is_said() {
         let ended = sh(&dir, &format!("timesync fit {name}")).expect(65);
         assert!(ended.stderr.contains("too few"), "{}", ended.stderr);
     }
+    let back = format!("{header}5,1,4\n6,2,3\n7,3,5\n8,4,4\n9,5,6\n");
+    fs::write(dir.join("back.csv"), back).unwrap();
+    let ended = sh(&dir, "timesync fit back.csv").expect(65);
+    let why = "5 exchanges whose answer precedes the question";
+    assert!(ended.stderr.contains(why), "{}", ended.stderr);
     sh(&dir, "timesync fit nowhere.csv").expect(66);
     sh(&dir, "timesync fit --wire 100Mbit few.csv").expect(65);
     sh(&dir, "timesync fit --wire fast few.csv").expect(2);

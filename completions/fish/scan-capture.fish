@@ -39,16 +39,16 @@ complete -c scan-capture -n "__fish_scan_capture_needs_command" -l range-deg -d 
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l echoes -d 'Which echoes are sent' -r -f -a "first\t'The first'
 all\t'All, up to five'
 last\t'The last, as delivered'"
-complete -c scan-capture -n "__fish_scan_capture_needs_command" -l remission -d 'Whether remissions are sent' -r -f -a "on\t'on'
-off\t'off'"
+complete -c scan-capture -n "__fish_scan_capture_needs_command" -l remission -d 'Whether remissions are sent' -r -f -a "on\t''
+off\t''"
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l mean-scans -d 'Scans to a mean, 2 to 100; 1 switches the filter off' -r
-complete -c scan-capture -n "__fish_scan_capture_needs_command" -l particle-filter -d 'The particle filter' -r -f -a "on\t'on'
-off\t'off'"
+complete -c scan-capture -n "__fish_scan_capture_needs_command" -l particle-filter -d 'The particle filter' -r -f -a "on\t''
+off\t''"
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l divider -d 'Send every N-th scan' -r
-complete -c scan-capture -n "__fish_scan_capture_needs_command" -l encoder -d 'Whether encoder values are sent' -r -f -a "on\t'on'
-off\t'off'"
-complete -c scan-capture -n "__fish_scan_capture_needs_command" -l time-block -d 'Whether the device\'s calendar time is sent' -r -f -a "on\t'on'
-off\t'off'"
+complete -c scan-capture -n "__fish_scan_capture_needs_command" -l encoder -d 'Whether encoder values are sent' -r -f -a "on\t''
+off\t''"
+complete -c scan-capture -n "__fish_scan_capture_needs_command" -l time-block -d 'Whether the device\'s calendar time is sent' -r -f -a "on\t''
+off\t''"
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l password-file -d 'File with the password\'s hash, 8 hexadecimal digits [default: CABLEPOSE_PASSWORD, or that of delivery]' -r -F
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l tee -d 'Keep the raw bytes in FILE, and their times of arrival in FILE\'s name with .times.csv' -r -F
 complete -c scan-capture -n "__fish_scan_capture_needs_command" -l tee-rotate -d 'Begin a new file (FILE.000, FILE.001 ...) after a size (100MB), an age (10min), or either (100MB|10min)' -r

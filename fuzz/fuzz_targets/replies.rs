@@ -92,7 +92,7 @@ fn hokuyo(port: u16) {
     let _ = client.read_time();
     let _ = client.fields("VV");
     if let Ok(parameters) = client.parameters() {
-        let _ = client.start(&parameters, true, 1);
+        let _ = client.start(&parameters);
     }
     while client.next().is_some() {}
 }

@@ -202,6 +202,9 @@ impl Hulls {
 
 /// The offset by any method; none without samples.
 pub(super) fn offset(samples: &[Sample], method: Method) -> Option<Offset> {
+    if samples.is_empty() {
+        return None;
+    }
     let plain = |line| Offset { line, gap_ns: None };
     match method {
         Method::Hull | Method::Joint | Method::OneWay => Hulls::of(samples).offset(method),
@@ -298,6 +301,11 @@ mod tests {
         Method::Window,
         Method::Weighted,
     ];
+
+    #[test]
+    fn nothing_has_no_offset() {
+        assert!(METHODS.iter().all(|method| offset(&[], *method).is_none()));
+    }
 
     proptest! {
         /// With equal delays both ways and at least two fast exchanges all methods find the line.

@@ -1,8 +1,9 @@
 //! The host's side of a session with a SCIP 2.0 device.
 
+use super::scans::TimeReading;
 use super::scip::{self, Event, Framer, Measurement, Parameters, Reply, ReplyError, Skipped};
 use super::{BAUD, PORT};
-use crate::link::{Connection, Endpoint, HostInstant, LinkError};
+use crate::link::{Connection, Endpoint, HostInstant, Interrupted, LinkError, Tap};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -14,11 +15,6 @@ const GLANCE: Duration = Duration::from_millis(100);
 const WRITE: Duration = Duration::from_secs(2);
 /// How often the device's time is asked for.
 const READINGS: usize = 24;
-
-/// Sees the raw bytes as they come.
-pub type Tap = Box<dyn FnMut(&[u8], HostInstant)>;
-/// Whether a wait is to be given up.
-pub type Interrupted = Box<dyn Fn() -> bool>;
 
 /// Why a session failed.
 #[derive(Debug, thiserror::Error)]
@@ -164,39 +160,40 @@ impl Client {
         parsed.map_err(|error| self.nonsense(request, error))
     }
 
-    /// Asks for the device's time: milliseconds, and the host's monotonic time before and after, ns.
-    /// Nothing is measured meanwhile.
-    pub fn read_time(&mut self) -> Result<Vec<(u32, i64, i64)>, ClientError> {
+    /// Asks for the device's time, many times. Nothing is measured meanwhile.
+    pub fn read_time(&mut self) -> Result<Vec<TimeReading>, ClientError> {
         self.command("TM0")?;
-        let mut readings = Vec::with_capacity(READINGS);
-        for _ in 0..READINGS {
-            let before = HostInstant::now();
-            let (reading, at) = self.ask_at("TM1", scip::time_ms)?;
-            let ms = reading.map_err(|error| self.nonsense("TM1", error))?;
-            readings.push((ms, before.raw_ns, at.raw_ns));
-        }
-        self.command("TM2")?;
+        let readings: Result<Vec<TimeReading>, ClientError> =
+            (0..READINGS).map(|_| self.read_time_once()).collect();
+        // Whatever became of the questions: until it is told this, the device refuses to measure.
+        let told = self.command("TM2");
+        let readings = readings?;
+        told?;
         Ok(readings)
     }
 
-    /// Lets the device send scans of the whole aperture until [`Client::stop`], with intensities
-    /// where it knows ME, and of every turn or every n-th (1 to 10).
-    pub fn start(
-        &mut self,
-        parameters: &Parameters,
-        intensities: bool,
-        every: u32,
-    ) -> Result<(), ClientError> {
+    fn read_time_once(&mut self) -> Result<TimeReading, ClientError> {
+        let before = HostInstant::now();
+        let (stamp_ms, after) = self.ask_at("TM1", scip::time_ms)?;
+        Ok(TimeReading {
+            stamp_ms: stamp_ms.map_err(|error| self.nonsense("TM1", error))?,
+            before_raw_ns: before.raw_ns,
+            after_raw_ns: after.raw_ns,
+        })
+    }
+
+    /// Lets the device send every scan of its whole aperture until [`Client::stop`], with intensities
+    /// where it knows ME.
+    pub fn start(&mut self, parameters: &Parameters) -> Result<(), ClientError> {
         let [first, last] = parameters.steps;
-        let skipped = every.clamp(1, 10) - 1;
-        let request = |command: &str| format!("{command}{first:04}{last:04}01{skipped}00");
-        if intensities {
-            match self.command(&request("ME")) {
-                Err(ClientError::Refused { status, .. }) if status.starts_with("0E") => {}
-                other => return other,
+        // Steps that are put together (1), turns left out (0), scans (00: without end).
+        let request = |command: &str| format!("{command}{first:04}{last:04}01000");
+        match self.command(&request("ME")) {
+            Err(ClientError::Refused { status, .. }) if status == "0E" => {
+                self.command(&request("MD"))
             }
+            other => other,
         }
-        self.command(&request("MD"))
     }
 
     /// Lets the device send no more and switches its laser off.
@@ -309,6 +306,84 @@ impl Client {
             place: self.connection.place().to_owned(),
             request,
             error,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scip::Writer;
+    use super::*;
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
+    use std::thread::JoinHandle;
+
+    /// A device that answers each line by `answer` and ends with the connection, at the latest after
+    /// 20 s; the lines that came.
+    fn device(
+        answer: impl Fn(&str) -> Vec<u8> + Send + 'static,
+    ) -> (Endpoint, JoinHandle<Vec<String>>) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = listener.local_addr().unwrap().to_string().parse().unwrap();
+        let lines = std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let limit = Some(Duration::from_secs(20));
+            stream.set_read_timeout(limit).unwrap();
+            let (mut lines, mut line) = (Vec::new(), Vec::new());
+            let mut byte = [0];
+            while let Ok(1) = stream.read(&mut byte) {
+                if byte != *b"\n" {
+                    line.push(byte[0]);
+                    continue;
+                }
+                let text = String::from_utf8(std::mem::take(&mut line)).unwrap();
+                if !text.is_empty() {
+                    let _ = stream.write_all(&answer(&text));
+                    lines.push(text);
+                }
+            }
+            lines
+        });
+        (endpoint, lines)
+    }
+
+    fn reply(echo: &str, status: &[u8; 2], line: Option<&[u8]>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut writer = Writer::begin(&mut bytes, echo.as_bytes(), *status);
+        if let Some(line) = line {
+            writer.line(line);
+        }
+        writer.end();
+        bytes
+    }
+
+    #[test]
+    fn a_time_that_cannot_be_read_leaves_the_device_free_to_measure() {
+        for answers_time in [
+            |echo: &str| reply(echo, b"0E", None),
+            |echo: &str| reply(echo, b"00", Some(b"much more than four")),
+        ] {
+            let (endpoint, lines) = device(move |line| match line {
+                "TM1" => answers_time(line),
+                _ => reply(line, b"00", None),
+            });
+            let settings = Settings {
+                answer: Duration::from_secs(10),
+                ..Settings::default()
+            };
+            let mut client = Client::connect(&endpoint, &settings, None, None).unwrap();
+            let error = client.read_time().unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    ClientError::Refused { .. } | ClientError::Answer { .. }
+                ),
+                "{error}"
+            );
+            client.start(&Parameters::utm_30lx()).unwrap();
+            drop(client);
+            let started = ["QT", "TM0", "TM1", "TM2", "ME0000108001000"];
+            assert_eq!(lines.join().unwrap(), started);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! sweep is over and a millisecond has passed; its stamp is the device's time when it began.
 
 use super::scip::{self, Parameters, Writer, encode};
-use crate::link::emulation::{Device, LineId, Outbox};
+use crate::link::emulation::{Device, LineId, Outbox, nanoseconds};
 use crate::record::Scan;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -462,10 +462,6 @@ fn distance(range_m: f64, [least_mm, most_mm]: [u32; 2]) -> u32 {
     }
 }
 
-fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
-
 impl<S: Source> Device for Emulator<S> {
     fn connected(&mut self, line: LineId, _service: usize, _now_ns: i64) {
         self.clients.insert(line, Client::default());
@@ -680,6 +676,17 @@ mod tests {
         assert!(!device.ended());
         device.advance(1_200_000_000, &mut out);
         assert!(device.ended());
+    }
+
+    #[test]
+    fn one_that_is_to_stay_for_ever_stays() {
+        let mut device = device();
+        device.behaviour.linger = Duration::MAX;
+        ask(&mut device, "MD0000108001000\n", 0);
+        let mut out = Outbox::default();
+        device.advance(200_000_000, &mut out);
+        device.advance(1_000_000_000_000, &mut out);
+        assert!(device.due_ns() > Some(1_000_000_000_000) && !device.ended());
     }
 
     #[test]

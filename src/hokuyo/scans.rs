@@ -28,25 +28,13 @@ const ASTRAY_MS: i64 = 60_000;
 /// Half of the stamp's last digit, ns.
 const HALF_DIGIT_NS: i64 = 500_000;
 
-/// What was asked of the scans' room from outside.
-#[derive(Clone, Debug, PartialEq)]
+/// What the scans are told from outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     /// From the stamp to the first step of the aperture, s.
     pub index_to_first_beam_s: f64,
     /// Least range, m; none is the device's DMIN.
     pub range_min_m: Option<f64>,
-    /// From one scan sent to the next, in turns (the interval of MD and ME plus one).
-    pub every: u32,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            index_to_first_beam_s: 0.0,
-            range_min_m: None,
-            every: 1,
-        }
-    }
 }
 
 /// What happened on the way.
@@ -71,11 +59,12 @@ pub struct TimeOffset {
     pub bound_ns: i64,
 }
 
-/// What one question after the device's time tells: it read `ms` between two instants of the host.
-#[derive(Clone, Copy, Debug)]
+/// What one question after the device's time tells: it read `stamp_ms` between two instants of the
+/// host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeReading {
-    /// The device's milliseconds, unwrapped.
-    pub ms: i64,
+    /// The device's milliseconds as sent, 24 bits.
+    pub stamp_ms: u32,
     /// The host's monotonic time before the question, ns.
     pub before_raw_ns: i64,
     /// And after the answer, ns.
@@ -83,15 +72,19 @@ pub struct TimeReading {
 }
 
 impl TimeOffset {
-    /// The offset that all readings allow: each says that it lies between `before - (ms + 1)` and
-    /// `after - ms`. None without readings, or where they contradict each other.
-    pub fn of(readings: &[TimeReading]) -> Option<TimeOffset> {
+    /// The offset that all readings, each behind its milliseconds unwrapped, allow: each says that it
+    /// lies between `before - (ms + 1)` and `after - ms`. None without readings, or where they
+    /// contradict each other.
+    fn of(readings: &[(i64, TimeReading)]) -> Option<TimeOffset> {
         const MS: i64 = 1_000_000;
         let least = readings
             .iter()
-            .map(|r| r.before_raw_ns - (r.ms + 1) * MS)
+            .map(|(ms, r)| r.before_raw_ns - (ms + 1) * MS)
             .max()?;
-        let most = readings.iter().map(|r| r.after_raw_ns - r.ms * MS).min()?;
+        let most = readings
+            .iter()
+            .map(|(ms, r)| r.after_raw_ns - ms * MS)
+            .min()?;
         (least <= most).then_some(TimeOffset {
             raw_minus_device_ns: least + (most - least) / 2,
             bound_ns: (most - least) / 2,
@@ -148,17 +141,16 @@ impl Scans {
         &self.scan
     }
 
-    /// The device's time has been asked for (again), with the host's monotonic time before and after
-    /// each answer, ns: the way from stamp to arrival is learned anew. What was found.
-    pub fn set_time(&mut self, readings: &[(u32, i64, i64)]) -> Option<TimeOffset> {
-        let mut unwrapped = Vec::with_capacity(readings.len());
-        for (stamp_ms, before_raw_ns, after_raw_ns) in readings {
-            unwrapped.push(TimeReading {
-                ms: self.unwrap(*stamp_ms, Some(*after_raw_ns)),
-                before_raw_ns: *before_raw_ns,
-                after_raw_ns: *after_raw_ns,
-            });
-        }
+    /// The device's time has been asked for (again): the way from stamp to arrival is learned anew.
+    /// What was found.
+    pub fn set_time(&mut self, readings: &[TimeReading]) -> Option<TimeOffset> {
+        let unwrapped: Vec<(i64, TimeReading)> = readings
+            .iter()
+            .map(|reading| {
+                let ms = self.unwrap(reading.stamp_ms, Some(reading.after_raw_ns));
+                (ms, *reading)
+            })
+            .collect();
         self.set_offset(TimeOffset::of(&unwrapped));
         self.offset
     }
@@ -206,7 +198,7 @@ impl Scans {
         arrival: Option<HostInstant>,
     ) -> Option<&Scan> {
         let ms = self.unwrap(measurement.stamp_ms, arrival.map(|arrival| arrival.raw_ns));
-        let period_ms = self.parameters.period_s() * 1e3 * f64::from(self.settings.every.max(1));
+        let period_ms = self.parameters.period_s() * 1e3;
         let number = match self.newest_ms {
             None if self.counts.scans == 0 => 0,
             None => self.scan.seq.wrapping_add(1),
@@ -284,7 +276,7 @@ impl Scans {
         scan.angle_min_rad = FRAC_PI_2 + (f64::from(first) - f64::from(p.front)) * step_rad;
         scan.angle_increment_rad = step_rad * f64::from(cluster);
         scan.time_increment_s = p.period_s() / turn * f64::from(cluster);
-        scan.scan_time_s = p.period_s() * f64::from(self.settings.every.max(1));
+        scan.scan_time_s = p.period_s();
         let [least_mm, most_mm] = p.distance_mm;
         scan.range_min_m = self
             .settings
@@ -378,16 +370,22 @@ mod tests {
                 let before_raw_ns = 7_000_000_000 + k * 3_170_000;
                 let read_ns = before_raw_ns + 120_000 - 5_300_000;
                 TimeReading {
-                    ms: read_ns / 1_000_000,
+                    stamp_ms: (read_ns / 1_000_000) as u32,
                     before_raw_ns,
                     after_raw_ns: before_raw_ns + 300_000,
                 }
             })
             .collect();
-        let offset = TimeOffset::of(&readings).unwrap();
+        let mut scans = Scans::new(Parameters::utm_30lx(), Settings::default());
+        let offset = scans.set_time(&readings).unwrap();
         assert!((offset.raw_minus_device_ns - 5_300_000).abs() <= offset.bound_ns);
         assert!(offset.bound_ns < 300_000, "{offset:?}");
-        assert_eq!(TimeOffset::of(&[]), None);
+        assert_eq!(scans.set_time(&[]), None);
+        let astray = TimeReading {
+            stamp_ms: readings[0].stamp_ms + 40,
+            ..readings[0]
+        };
+        assert_eq!(scans.set_time(&[readings[0], astray]), None);
     }
 
     #[test]

@@ -19,12 +19,12 @@ pub struct Arrivals {
     sessions: Vec<(u64, i64)>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Row {
     offset: u64,
-    at: (i64, i64),
-    /// Up to 4 GiB; as many bytes as there are where the table does not say.
-    length: u32,
+    at: HostInstant,
+    /// Bytes; none where the table does not say: up to the next row.
+    length: Option<u32>,
 }
 
 /// Why a table of arrival times cannot be used.
@@ -52,9 +52,8 @@ impl Arrivals {
     /// Reads the table.
     ///
     /// A row that a program that was killed has left without its end is passed over.
-    pub fn read(table: impl Read) -> Result<Arrivals, ArrivalsError> {
+    pub fn read(mut table: impl Read) -> Result<Arrivals, ArrivalsError> {
         let mut bytes = Vec::new();
-        let mut table = table;
         table.read_to_end(&mut bytes).map_err(csv::Error::from)?;
         // Only what this project writes ends every row; other programs may leave the last one open.
         let line_end = |byte: &u8| *byte == b'\n';
@@ -85,16 +84,15 @@ impl Arrivals {
                 let text = record.get(index).unwrap_or_default();
                 parse_seconds_ns(text).ok_or_else(|| not_a_number(column, index))
             };
-            let at_ns = seconds("t_s", time)?;
+            let utc_ns = seconds("t_s", time)?;
+            let raw_ns = raw.map_or(Ok(utc_ns), |raw| seconds("raw_s", raw))?;
             let text = record.get(offset).unwrap_or_default();
             let first = text.parse().map_err(|_| not_a_number("offset", offset))?;
-            let length = match length {
-                None => u32::MAX,
-                Some(index) => record
-                    .get(index)
-                    .and_then(|text| text.parse().ok())
-                    .ok_or_else(|| not_a_number("length", index))?,
+            let bytes = |index| {
+                let text = record.get(index).unwrap_or_default();
+                text.parse().map_err(|_| not_a_number("length", index))
             };
+            let length = length.map(bytes).transpose()?;
             if let Some(index) = session {
                 let session = seconds("session_s", index)?;
                 if arrivals.sessions.last().map(|(_, last)| *last) != Some(session) {
@@ -103,13 +101,14 @@ impl Arrivals {
             }
             arrivals.rows.push(Row {
                 offset: first,
-                at: (at_ns, raw.map_or(Ok(at_ns), |raw| seconds("raw_s", raw))?),
+                at: HostInstant {
+                    utc: Stamp::from_ns(utc_ns),
+                    raw_ns,
+                },
                 length,
             });
         }
-        if !arrivals.rows.is_sorted() {
-            arrivals.rows.sort_unstable();
-        }
+        arrivals.rows.sort_by_key(|row| row.offset);
         arrivals.sessions.sort_unstable();
         Ok(arrivals)
     }
@@ -117,27 +116,20 @@ impl Arrivals {
     /// When the byte at `offset` had arrived: the time of the row that holds it. A telegram is there
     /// with its last byte. Where the table has no monotonic clock, UTC stands for it.
     pub fn at(&self, offset: u64) -> Option<HostInstant> {
-        let after = self.rows.partition_point(|row| row.offset <= offset);
-        let row = self.rows.get(after.checked_sub(1)?)?;
-        let end = row.offset.saturating_add(row.length.into());
-        (row.length == u32::MAX || offset < end).then(|| HostInstant {
-            utc: Stamp::from_ns(row.at.0),
-            raw_ns: row.at.1,
-        })
+        self.piece(offset).map(|(at, _)| at)
     }
 
     /// The piece that holds the byte at `offset`: when it had arrived, and the place behind its last
     /// byte.
     pub fn piece(&self, offset: u64) -> Option<(HostInstant, u64)> {
-        let at = self.at(offset)?;
         let after = self.rows.partition_point(|row| row.offset <= offset);
-        let next = self.rows.get(after).map_or(u64::MAX, |row| row.offset);
         let row = self.rows.get(after.checked_sub(1)?)?;
-        let end = match row.length {
-            u32::MAX => next,
-            length => row.offset.saturating_add(length.into()),
+        let end = match (row.length, self.rows.get(after)) {
+            (Some(length), _) => row.offset.saturating_add(length.into()),
+            (None, Some(next)) => next.offset,
+            (None, None) => u64::MAX,
         };
-        Some((at, end))
+        (offset < end).then_some((row.at, end))
     }
 
     /// Where the next connection after the byte at `offset` begins.

@@ -54,6 +54,11 @@ pub struct Received {
     pub at: HostInstant,
 }
 
+/// Sees every chunk of bytes as it comes from a device, with its time of arrival.
+pub type Tap = Box<dyn FnMut(&[u8], HostInstant)>;
+/// Says whether waiting for a device is to end.
+pub type Interrupted = Box<dyn Fn() -> bool>;
+
 enum Transport {
     Tcp(TcpStream),
     Serial(Box<dyn SerialPort>),
@@ -306,19 +311,17 @@ impl Connection {
     /// # Errors
     /// [`LinkError::Closed`] once the other side has gone.
     pub fn write_some(&mut self, bytes: &[u8]) -> Result<usize, LinkError> {
-        let written = match &mut self.transport {
+        match self.write_now(bytes) {
+            Err(error) if is_not_now(&error) => Ok(0),
+            written => written.map_err(|error| self.fault(error)),
+        }
+    }
+
+    fn write_now(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.transport {
             Transport::Serial(port) => port.write(bytes),
             Transport::Tcp(stream) => (&*stream).write(bytes),
             Transport::Pty(pty) => pty.write(bytes),
-        };
-        match written {
-            Ok(count) => Ok(count),
-            Err(error) => match error.kind() {
-                io::ErrorKind::WouldBlock
-                | io::ErrorKind::TimedOut
-                | io::ErrorKind::Interrupted => Ok(0),
-                _ => Err(self.fault(error)),
-            },
         }
     }
 
@@ -383,43 +386,42 @@ impl Connection {
     /// Writes all of `bytes`, waiting for room at most `timeout`.
     pub fn write_all(&mut self, bytes: &[u8], timeout: Duration) -> Result<(), LinkError> {
         let due = Instant::now() + timeout;
+        if let Transport::Serial(port) = &mut self.transport {
+            let set = port.set_timeout(timeout.max(Duration::from_millis(1)));
+            set.map_err(|error| self.fault(error.into()))?;
+        }
         let mut rest = bytes;
         while !rest.is_empty() {
-            let written = match &mut self.transport {
-                Transport::Serial(port) => port
-                    .set_timeout(timeout.max(Duration::from_millis(1)))
-                    .map_err(io::Error::from)
-                    .and_then(|()| port.write(rest)),
-                Transport::Tcp(stream) => (&*stream).write(rest),
-                Transport::Pty(pty) => pty.write(rest),
-            };
-            match written {
+            match self.write_now(rest) {
                 Ok(0) => return Err(self.closed()),
                 Ok(count) => rest = rest.get(count..).unwrap_or_default(),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error)
-                    if matches!(
-                        error.kind(),
-                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
-                    ) =>
-                {
-                    let left = due.saturating_duration_since(Instant::now());
-                    let room = match &self.transport {
-                        Transport::Tcp(stream) => ready(stream, PollFlags::OUT, left),
-                        Transport::Pty(pty) => ready(pty, PollFlags::OUT, left),
-                        Transport::Serial(_) => Ok(!left.is_zero()),
-                    };
-                    if !room.map_err(|e| self.fault(e))? {
-                        return Err(LinkError::Stuck {
-                            place: self.place.clone(),
-                            waited_s: timeout.as_secs_f64(),
-                        });
-                    }
-                }
+                Err(error) if is_not_now(&error) => self.wait_for_room(due, timeout)?,
                 Err(error) => return Err(self.fault(error)),
             }
         }
         Ok(())
+    }
+
+    /// Waits until more can be written; `waited` is how long that may take in all, for the message.
+    fn wait_for_room(&self, due: Instant, waited: Duration) -> Result<(), LinkError> {
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            let room = match self.waitable() {
+                Some(line) => ready(line, PollFlags::OUT, left).map_err(|e| self.fault(e))?,
+                // A serial port waits by itself while it writes.
+                None => !left.is_zero(),
+            };
+            if room {
+                return Ok(());
+            }
+            // A signal ends a wait early.
+            if left.is_zero() {
+                return Err(LinkError::Stuck {
+                    place: self.place.clone(),
+                    waited_s: waited.as_secs_f64(),
+                });
+            }
+        }
     }
 
     fn closed(&self) -> LinkError {
@@ -452,6 +454,15 @@ fn stream_read(transport: &Transport, buffer: &mut [u8]) -> io::Result<usize> {
         Transport::Pty(pty) => pty.read(buffer),
         Transport::Serial(_) => Err(io::ErrorKind::Unsupported.into()),
     }
+}
+
+/// Whether an error only says that nothing can be done at this moment.
+fn is_not_now(error: &io::Error) -> bool {
+    use io::ErrorKind as Kind;
+    matches!(
+        error.kind(),
+        Kind::WouldBlock | Kind::TimedOut | Kind::Interrupted
+    )
 }
 
 /// Waits until a line can be read or written, to the nanosecond: a socket's own read time-out is

@@ -5,7 +5,7 @@
 //! nothing of where they come from.
 //!
 //! - [`Endpoint`] where a device is: `lms.local:2112`, `/dev/ttyUSB0`
-//! - [`Connection`] an open line, read and written with time limits
+//! - [`Connection`] an open line, read and written with time limits; [`Tap`] sees what comes
 //! - [`HostInstant`] an instant on both of the host's clocks
 //! - [`Datagrams`] a question and its answer over UDP; [`waker()`] ends another thread's wait
 //! - [`Pty`] a pseudo terminal that stands in for a serial port
@@ -45,7 +45,7 @@ mod system;
 pub use adapter::{LatencyTimer, latency_timer};
 pub use arrivals::{Arrivals, ArrivalsError, parse_seconds_ns};
 pub use backoff::Backoff;
-pub use connection::{Connection, LinkError, Received};
+pub use connection::{Connection, Interrupted, LinkError, Received, Tap};
 pub use datagrams::Datagrams;
 pub use endpoint::{Endpoint, EndpointError};
 pub use host_clock::HostInstant;

@@ -1,7 +1,8 @@
 //! The raw bytes of a device, kept as they came, with their times of arrival beside them.
 
 use super::HostInstant;
-use std::ffi::OsString;
+use super::connection::plain;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -36,11 +37,9 @@ pub struct RecordingError {
 impl RecordingError {
     /// What the system says of `path`.
     pub fn new(path: &Path, error: &io::Error) -> RecordingError {
-        let text = error.to_string();
-        let reason = text.split(" (os error").next().unwrap_or_default();
         RecordingError {
             path: path.to_owned(),
-            reason: reason.to_owned(),
+            reason: plain(error),
         }
     }
 }
@@ -248,7 +247,7 @@ fn name_of_part(path: &Path, rotation: Rotation, index: u32) -> PathBuf {
 
 /// The number of a part of `recording`; none for any other file.
 fn part_number(recording: &Path, file: &Path) -> Option<u32> {
-    let text = |part: Option<&std::ffi::OsStr>| Some(part?.to_str()?.to_owned());
+    let text = |part: Option<&OsStr>| Some(part?.to_str()?.to_owned());
     let name = text(file.file_name())?;
     let rest = name
         .strip_prefix(&text(recording.file_stem())?)?

@@ -24,7 +24,7 @@ const STILL_M: f64 = 0.008;
 /// Scans below which nothing can be learned.
 const LEAST_SCANS: usize = 60;
 /// Scans beyond which nothing more is learned: 40 s at 25 Hz, some 10 MB.
-pub const MOST_SCANS: usize = 1000;
+const MOST_SCANS: usize = 1000;
 /// Beams on which the angle shows that are needed.
 const LEAST_BEAMS: usize = 30;
 /// How far a period may be from the model's mean and still be one of the same setting.
@@ -128,8 +128,8 @@ struct Angles {
 }
 
 impl Learner {
-    /// Takes a scan; ones without a device time, of another shape, or beyond [`MOST_SCANS`] are left
-    /// out.
+    /// Takes a scan; ones without a device time, of another shape, or beyond the first thousand are
+    /// left out.
     pub fn push(&mut self, scan: &Scan) {
         let Some(device) = scan.device else { return };
         if self.scans.is_empty() {
@@ -137,10 +137,15 @@ impl Learner {
             self.increment_rad = scan.angle_increment_rad;
             self.serial_number = scan.info.as_deref().and_then(|info| info.serial_number);
         }
-        if scan.beams() == self.beams && self.scans.len() < MOST_SCANS {
+        if scan.beams() == self.beams && !self.is_full() {
             let us = device.ns() as f64 * 1e-3;
             self.scans.push((scan.seq, us, scan.ranges_m.to_vec()));
         }
+    }
+
+    /// Whether no further scan is of use.
+    pub fn is_full(&self) -> bool {
+        self.scans.len() >= MOST_SCANS
     }
 
     /// The model.
@@ -350,39 +355,30 @@ impl Correction {
     /// Turns the next scan in place, by the period before it.
     pub fn turn(&mut self, scan: &mut Scan) {
         let period_us = self.period_us(scan);
-        match period_us {
-            Some(us) => {
-                scan.angle_min_rad += (us * self.model.at_once_deg_per_us).to_radians();
-                self.corrected += 1;
-            }
-            None => self.passed += 1,
-        }
+        let angle_deg = period_us.map(|us| us * self.model.at_once_deg_per_us);
+        self.turn_by(scan, angle_deg);
     }
 
     /// Takes the next scan and gives the one that is ready: this one, or, one scan late, the one
     /// before.
     pub fn push(&mut self, scan: &Scan) -> Option<&Scan> {
+        if self.delay == Delay::None {
+            let mut ready = std::mem::take(&mut self.ready);
+            ready.clone_from(scan);
+            self.turn(&mut ready);
+            self.ready = ready;
+            return Some(&self.ready);
+        }
         let period_us = self.period_us(scan);
+        std::mem::swap(&mut self.ready, &mut self.scan);
+        self.scan.clone_from(scan);
+        let was_held = std::mem::replace(&mut self.held, true);
+        if was_held {
+            self.turn_held(period_us);
+        }
         let [before_us, _] = self.before_us;
-        let ready = match self.delay {
-            Delay::None => {
-                self.ready.clone_from(scan);
-                let angle_deg = period_us.map(|us| us * self.model.at_once_deg_per_us);
-                self.turn_ready(angle_deg);
-                true
-            }
-            Delay::OneScan => {
-                std::mem::swap(&mut self.ready, &mut self.scan);
-                self.scan.clone_from(scan);
-                let was_held = std::mem::replace(&mut self.held, true);
-                if was_held {
-                    self.turn_held(period_us);
-                }
-                was_held
-            }
-        };
         self.before_us = [period_us, before_us];
-        ready.then_some(&self.ready)
+        was_held.then_some(&self.ready)
     }
 
     /// The scan that still waits, at the end of the stream.
@@ -423,13 +419,15 @@ impl Correction {
             ([Some(before_us), _], _) => Some(before_us * self.model.at_once_deg_per_us),
             _ => None,
         };
-        self.turn_ready(angle_deg);
+        let mut ready = std::mem::take(&mut self.ready);
+        self.turn_by(&mut ready, angle_deg);
+        self.ready = ready;
     }
 
-    fn turn_ready(&mut self, angle_deg: Option<f64>) {
+    fn turn_by(&mut self, scan: &mut Scan, angle_deg: Option<f64>) {
         match angle_deg {
             Some(angle_deg) => {
-                self.ready.angle_min_rad += angle_deg.to_radians();
+                scan.angle_min_rad += angle_deg.to_radians();
                 self.corrected += 1;
             }
             None => self.passed += 1,

@@ -152,7 +152,9 @@ impl<'a> TextFields<'a> {
 }
 
 fn decimal(digits: &[u8]) -> Option<u32> {
-    std::str::from_utf8(digits).ok()?.parse().ok()
+    let are_digits = digits.iter().all(u8::is_ascii_digit);
+    let text = std::str::from_utf8(digits).ok().filter(|_| are_digits)?;
+    text.parse().ok()
 }
 
 fn hexadecimal(digits: &[u8]) -> Option<u32> {
@@ -178,14 +180,14 @@ impl<'a> Fields<'a> for TextFields<'a> {
     /// Two's complement of 32 bits, or decimal with its sign.
     fn i32(&mut self, field: &'static str) -> Result<i32, FieldError> {
         let mut ahead = *self;
-        if let [b'-', digits @ ..] = ahead.token(field)? {
-            let value = decimal(digits).and_then(|value| i32::try_from(value).ok());
-            *self = ahead;
-            return value
-                .map(|value| -value)
-                .ok_or(fault(field, Problem::NotANumber));
-        }
-        Ok(self.number(u32::MAX, field)?.cast_signed())
+        let value = match ahead.token(field)? {
+            [b'-', digits @ ..] => decimal(digits).map(|value| -i64::from(value)),
+            [b'+', digits @ ..] => decimal(digits).map(i64::from),
+            _ => return Ok(self.number(u32::MAX, field)?.cast_signed()),
+        };
+        *self = ahead;
+        let value = value.ok_or(fault(field, Problem::NotANumber))?;
+        i32::try_from(value).map_err(|_| fault(field, Problem::TooLarge))
     }
     fn real(&mut self, field: &'static str) -> Result<f32, FieldError> {
         Ok(f32::from_bits(self.number(u32::MAX, field)?))
@@ -260,6 +262,14 @@ mod tests {
         assert_eq!(fields.real("f"), Ok(1.0));
         assert_eq!(fields.u8("g"), Err(fault("g", Problem::TooLarge)));
         assert_eq!(fields.u8("h"), Err(fault("h", Problem::Missing)));
+        let signed = |text: &'static [u8]| TextFields(text).i32("s");
+        assert_eq!(signed(b" -2147483648"), Ok(i32::MIN));
+        assert_eq!(signed(b" +2147483647"), Ok(i32::MAX));
+        let too_large = Err(fault("s", Problem::TooLarge));
+        assert_eq!(signed(b" +3000000000"), too_large);
+        let no_number = Err(fault("s", Problem::NotANumber));
+        assert_eq!(signed(b" ++5"), no_number);
+        assert_eq!(signed(b" -+5"), no_number);
         assert_eq!(
             TextFields(b" 1G").u32("i"),
             Err(fault("i", Problem::NotANumber))

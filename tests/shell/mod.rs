@@ -107,6 +107,21 @@ pub fn testdata(name: &str) -> PathBuf {
         .join(name)
 }
 
+/// A recording of a real scanner. They lie outside the repository, in ../shared/data or where
+/// CABLEPOSE_DATA says; none, and that is said, where this one is not there.
+pub fn recording(name: &str) -> Option<PathBuf> {
+    let data = std::env::var_os("CABLEPOSE_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
+        PathBuf::from,
+    );
+    let path = data.join("lms5xx").join(name);
+    if path.is_file() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: no {} (set CABLEPOSE_DATA)", path.display());
+    None
+}
+
 /// Runs a line of shell in `dir`; the programs' names mean those just built.
 pub fn sh(dir: &Path, line: &str) -> Ended {
     let bin = Path::new(env!("CARGO_BIN_EXE_report")).parent().unwrap();

@@ -6,8 +6,9 @@
 //! packet first and then one queued command at the end of each cycle, at most 15 in the queue.
 //!
 //! Where the documents are silent it does this: unknown bytes, and commands with a wrong guard byte,
-//! are not answered; a new tick acts at once, a new speed or interface when power comes back; a cycle
-//! does not begin before the line can take its packet at its end.
+//! are not answered; a new tick acts at once, one that makes no sense is the factory's; a new speed or
+//! interface acts when power comes back; a cycle does not begin before the line can take its packet at
+//! its end.
 //!
 //! What it feels comes from a [`Senses`]: attitude, rates and accelerations in the device's own axes
 //! (north, east, down). The instantaneous attitudes are calculated as the unit does, from
@@ -197,8 +198,9 @@ impl<S: Senses> Emulator<S> {
 
     /// Length of a tick in true time, ns.
     fn tick_ns(&self) -> f64 {
-        let tick_ns = self.memory.tick().tick_ns().max(1) as f64;
-        tick_ns / (1.0 + self.behaviour.clock_ppm * 1e-6)
+        let tick = self.memory.tick().check();
+        let tick_ns = tick.unwrap_or(ticks::TickFactors::FACTORY).tick_ns();
+        tick_ns as f64 / (1.0 + self.behaviour.clock_ppm * 1e-6)
     }
 
     fn time_of_tick(&self, tick: i64) -> i64 {

@@ -247,6 +247,19 @@ fn cells_are_read_and_written_both_ways() {
     );
 }
 
+/// A tick of nothing would have it calculate without end.
+#[test]
+fn a_tick_that_makes_no_sense_is_the_factorys() {
+    let mut bench = Bench::new(Behaviour::default());
+    bench.ask(&[0x29, 0x71, 0, 246, 0, 0, 0xAA]);
+    let before = bench.ask(&[0x28, 0, 246]);
+    assert_eq!(before.word(Word::Value(0)), Some(0));
+    bench.hear(1000);
+    let after = bench.ask(&[0x28, 0, 246]);
+    let passed = after.ticks().unwrap().wrapping_sub(before.ticks().unwrap());
+    assert!((152..190).contains(&passed), "{passed}");
+}
+
 #[test]
 fn power_up_streams_what_cell_132_says() {
     let mut bench = Bench::new(Behaviour {

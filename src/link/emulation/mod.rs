@@ -12,8 +12,10 @@ mod time;
 mod wire;
 
 pub use device::{Device, LineId, Message, Outbox};
+pub use time::nanoseconds;
 pub use wire::Serial;
 
+use super::connection::{plain, timespec};
 use super::faults::{Damage, Faults, Losses, Mishap, TimedFault};
 use super::{Connection, HostInstant, LinkError, Pty};
 use device::Order;
@@ -26,7 +28,7 @@ use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use time::{Time, nanoseconds};
+use time::Time;
 use wire::{Wire, is_deaf};
 
 /// With more than this waiting, a client is not read from.
@@ -91,6 +93,15 @@ impl fmt::Display for Account {
     }
 }
 
+impl Account {
+    /// Adds what became of a line that is gone.
+    fn add(&mut self, line: &Line) {
+        self.losses.add(&line.damage.losses());
+        self.crowded_out += line.crowded_out;
+        self.untaken += line.untaken();
+    }
+}
+
 /// How an emulation runs.
 #[derive(Clone, Debug, Default)]
 pub struct Conditions {
@@ -119,11 +130,6 @@ pub struct Emulation {
 }
 
 impl Emulation {
-    /// When true time began.
-    pub fn start(&self) -> HostInstant {
-        self.time.start
-    }
-
     /// No lines yet; time begins now.
     pub fn new(conditions: Conditions) -> Emulation {
         Emulation {
@@ -141,11 +147,16 @@ impl Emulation {
         }
     }
 
+    /// When true time began.
+    pub fn start(&self) -> HostInstant {
+        self.time.start
+    }
+
     /// Takes clients at an address; the port taken, where 0 was asked.
     pub fn listen(&mut self, address: SocketAddr) -> Result<SocketAddr, LinkError> {
         let open = |error: io::Error| LinkError::Open {
             place: address.to_string(),
-            reason: super::connection::plain(&error),
+            reason: plain(&error),
         };
         let listener = TcpListener::bind(address).map_err(open)?;
         listener.set_nonblocking(true).map_err(open)?;
@@ -178,7 +189,7 @@ impl Emulation {
     ) -> Result<PathBuf, LinkError> {
         let pty = Pty::open_as(link).map_err(|error| LinkError::Open {
             place: link.display().to_string(),
-            reason: super::connection::plain(&error),
+            reason: plain(&error),
         })?;
         let path = pty.path().to_owned();
         let service = self.doors.len();
@@ -307,13 +318,12 @@ impl Emulation {
             .into_iter()
             .map(|(line, what)| PollFd::from_borrowed_fd(line, what))
             .collect();
-        let wait = super::connection::timespec(wait);
-        match poll(&mut waited, Some(&wait)) {
+        match poll(&mut waited, Some(&timespec(wait))) {
             Ok(_) | Err(rustix::io::Errno::INTR) => {}
             Err(error) => {
                 return Err(LinkError::Io {
                     place: "waiting for clients".into(),
-                    reason: super::connection::plain(&error.into()),
+                    reason: plain(&error.into()),
                 });
             }
         }
@@ -380,10 +390,7 @@ impl Emulation {
 
     fn remove(&mut self, device: &mut impl Device, id: LineId) {
         if let Some(place) = self.lines.iter().position(|line| line.id == id) {
-            let line = self.lines.remove(place);
-            self.account.losses.add(&line.damage.losses());
-            self.account.crowded_out += line.crowded_out;
-            self.account.untaken += line.untaken();
+            self.account.add(&self.lines.remove(place));
             device.disconnected(id);
         }
     }
@@ -514,13 +521,7 @@ impl Emulation {
         };
         let away = self.unplugged.iter_mut().map(|away| &mut away.wire);
         let wires = self.lines.iter_mut().map(|line| &mut line.wire).chain(away);
-        for wire in wires
-            .flatten()
-            .filter(|wire| wire.serial.baud != Some(baud))
-        {
-            wire.serial.baud = Some(baud);
-            wire.bytes_per_s = f64::from(baud) / 10.0;
-        }
+        wires.flatten().for_each(|wire| wire.set_baud(baud));
     }
 
     /// Resets every socket and empties every pseudo terminal's queue.
@@ -534,8 +535,7 @@ impl Emulation {
             .partition(|line| line.lasting.is_some());
         self.lines = lasting;
         for line in gone {
-            self.account.losses.add(&line.damage.losses());
-            self.account.crowded_out += line.crowded_out;
+            self.account.add(&line);
             device.disconnected(line.id);
             line.connection.reset();
         }
@@ -558,9 +558,7 @@ impl Emulation {
             std::thread::sleep(Duration::from_millis(1));
         }
         for line in std::mem::take(&mut self.lines) {
-            self.account.losses.add(&line.damage.losses());
-            self.account.crowded_out += line.crowded_out;
-            self.account.untaken += line.untaken();
+            self.account.add(&line);
             line.connection.end();
         }
         for away in std::mem::take(&mut self.unplugged) {

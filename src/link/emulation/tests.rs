@@ -120,6 +120,21 @@ fn who_leaves_without_reading_is_heard_to_the_last_word() {
 }
 
 #[test]
+fn what_was_given_up_is_counted_though_the_line_is_broken_off() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let _client = std::net::TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let connection = Connection::from_stream(listener.accept().unwrap().0).unwrap();
+    let mut emulation = Emulation::new(Conditions::default());
+    emulation.add(connection, None, None);
+    let line = &mut emulation.lines[0];
+    line.enqueue(b"a scan", Message::Data);
+    line.hang_up();
+    emulation.break_off(&mut Parrot::default());
+    let account = emulation.account;
+    assert_eq!((account.losses.messages, account.untaken), (1, 1));
+}
+
+#[test]
 fn data_for_who_has_left_is_counted_and_the_line_removed() {
     /// Talks all the time, until its client has gone.
     #[derive(Default)]

@@ -53,7 +53,12 @@ impl Time {
     }
 }
 
-/// A span in nanoseconds.
-pub(super) fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+/// The longest span of an emulation, ns: 97 years.
+const LONGEST_NS: i64 = i64::MAX / 3;
+
+/// A span in nanoseconds. One that is longer than 97 years is cut to them, so that it may be added to
+/// any time of an emulation.
+pub fn nanoseconds(span: Duration) -> i64 {
+    let ns = i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
+    ns.min(LONGEST_NS)
 }

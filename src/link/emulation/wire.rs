@@ -23,7 +23,7 @@ pub struct Serial {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wire {
     pub(super) serial: Serial,
-    pub(super) bytes_per_s: f64,
+    bytes_per_s: f64,
     /// When the first waiting byte began to go out, ns; none: nothing waits.
     pub(super) begun_ns: Option<i64>,
     /// State of the garbage.
@@ -33,12 +33,20 @@ pub(super) struct Wire {
 impl Wire {
     /// The wire of a line whose speed is known.
     pub(super) fn new(serial: Serial) -> Option<Wire> {
-        Some(Wire {
+        let mut wire = Wire {
             serial,
-            bytes_per_s: f64::from(serial.baud?) / 10.0,
+            bytes_per_s: 0.0,
             begun_ns: None,
             noise: 0x9E37_79B9_7F4A_7C15,
-        })
+        };
+        wire.set_baud(serial.baud?);
+        Some(wire)
+    }
+
+    /// Goes on at another speed; the slowest is 1 baud.
+    pub(super) fn set_baud(&mut self, baud: u32) {
+        self.serial.baud = Some(baud);
+        self.bytes_per_s = f64::from(baud.max(1)) / 10.0;
     }
 
     fn duration_ns(&self, bytes: usize) -> i64 {

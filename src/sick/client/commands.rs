@@ -4,42 +4,20 @@
 //! 1e-4 deg; so do the types here.
 
 use super::request::{Reply, Request, Value, Values};
+use crate::sick::cola::Dialect;
 use crate::sick::scandata::{Calendar, FieldError};
 use std::fmt;
+use std::time::Duration;
 
-/// Who logs in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum UserLevel {
-    /// 2
-    Maintenance,
-    /// 3: what configuration needs.
-    AuthorisedClient,
-    /// 4
-    Service,
-}
+/// The user level that may configure: authorised client.
+const AUTHORISED_CLIENT: u8 = 3;
+/// The hash of its password with which devices are delivered.
+pub const DELIVERED_HASH: u32 = 0xF472_4744;
 
-impl UserLevel {
-    fn number(self) -> u8 {
-        match self {
-            UserLevel::Maintenance => 2,
-            UserLevel::AuthorisedClient => 3,
-            UserLevel::Service => 4,
-        }
-    }
-
-    /// The hash of the password with which devices are delivered.
-    pub fn default_hash(self) -> u32 {
-        match self {
-            UserLevel::Maintenance => 0xB21A_CE26,
-            UserLevel::AuthorisedClient => 0xF472_4744,
-            UserLevel::Service => 0x81BE_23AA,
-        }
-    }
-}
-
-/// `sMN SetAccessMode`: logs in. The answer is 1, or 0 where the password is wrong.
-pub fn set_access_mode(level: UserLevel, hash: u32) -> Request {
-    let arguments = vec![Value::Byte(level.number()), Value::Hash(hash)];
+/// `sMN SetAccessMode`: logs in as authorised client. The answer is 1, or 0 where the password is
+/// wrong.
+pub fn log_in(hash: u32) -> Request {
+    let arguments = vec![Value::Byte(AUTHORISED_CLIENT), Value::Hash(hash)];
     Request::method("SetAccessMode", arguments)
 }
 
@@ -132,6 +110,28 @@ impl DeviceStatus {
         }
     }
 
+    /// Time since power-on, where nobody has set the clock: it begins at 1970-01-01. None where
+    /// somebody has, or where the text is no time.
+    pub fn uptime(&self) -> Option<Duration> {
+        let mut date = self.date.split('.');
+        let (day, month, year) = (date.next()?, date.next()?, date.next()?);
+        let days = day
+            .parse::<u64>()
+            .ok()
+            .filter(|day| (1..=31).contains(day))?
+            - 1;
+        if month != "01" || !matches!(year, "1970" | "70") || date.next().is_some() {
+            return None;
+        }
+        let mut time = self.time.split(':').map(|part| part.parse::<u64>().ok());
+        let (hours, minutes, seconds) = (time.next()??, time.next()??, time.next()??);
+        if hours > 23 || minutes > 59 || seconds > 60 || time.next().is_some() {
+            return None;
+        }
+        let minutes = (days * 24 + hours) * 60 + minutes;
+        Some(Duration::from_secs(minutes * 60 + seconds))
+    }
+
     /// The state in words.
     pub fn words(&self) -> &'static str {
         match self.state {
@@ -214,10 +214,10 @@ impl ScanConfiguration {
     pub fn parse(reply: &Reply) -> Result<ScanConfiguration, FieldError> {
         let mut values = reply.values();
         match reply.dialect {
-            crate::sick::cola::Dialect::Text if values.left() == 6 => {
+            Dialect::Text if values.left() == 6 => {
                 values.u32("leading value")?;
             }
-            crate::sick::cola::Dialect::Binary if values.left() == 19 => {
+            Dialect::Binary if values.left() == 19 => {
                 values.u8("leading value")?;
             }
             _ => {}
@@ -253,6 +253,13 @@ impl ScanConfiguration {
             4 => "the scan area cannot be set",
             _ => "something else is wrong",
         }
+    }
+}
+
+impl fmt::Display for ScanConfiguration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (frequency, resolution) = (f64::from(self.frequency), f64::from(self.resolution));
+        write!(f, "{} Hz {} deg", frequency / 100.0, resolution / 1e4)
     }
 }
 
@@ -293,6 +300,13 @@ impl OutputRange {
             start: values.i32("start angle")?,
             end: values.i32("stop angle")?,
         })
+    }
+}
+
+impl fmt::Display for OutputRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [start, end] = [self.start, self.end].map(|angle| f64::from(angle) / 1e4);
+        write!(f, "{start} to {end} deg")
     }
 }
 
@@ -397,6 +411,16 @@ impl EchoFilter {
     }
 }
 
+impl fmt::Display for EchoFilter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            EchoFilter::First => "first",
+            EchoFilter::All => "all",
+            EchoFilter::Last => "last",
+        })
+    }
+}
+
 /// The mean of several scans in place of each (`LFPmeanfilter`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeanFilter {
@@ -433,6 +457,15 @@ impl MeanFilter {
     }
 }
 
+impl fmt::Display for MeanFilter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.on {
+            true => write!(f, "over {} scans", self.scans),
+            false => f.write_str("off"),
+        }
+    }
+}
+
 /// The particle filter (`LFPparticle`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParticleFilter {
@@ -466,7 +499,7 @@ impl ParticleFilter {
 mod tests {
     use super::*;
     use crate::link::HostInstant;
-    use crate::sick::cola::{Dialect, Event, Framer};
+    use crate::sick::cola::{Event, Framer};
 
     fn reply(dialect: Dialect, body: &[u8]) -> Reply {
         Reply {
@@ -546,6 +579,34 @@ mod tests {
                 ParticleFilter::parse(&echoed(&particle.set(), dialect)),
                 Ok(particle)
             );
+        }
+    }
+
+    #[test]
+    fn an_unset_clock_tells_the_time_since_power_on() {
+        let uptime_s = |date: &str, time: &str| {
+            let status = DeviceStatus {
+                state: 7,
+                too_hot_or_cold: false,
+                time: time.to_owned(),
+                date: date.to_owned(),
+            };
+            status.uptime().map(|uptime| uptime.as_secs())
+        };
+        assert_eq!(uptime_s("01.01.1970", "00:34:19"), Some(34 * 60 + 19));
+        assert_eq!(uptime_s("03.01.70", "01:00:00"), Some(49 * 3600));
+        for (date, time) in [
+            ("17.03.2030", "16:36:54"),
+            ("00.01.1970", "00:00:00"),
+            ("32.01.1970", "00:00:00"),
+            ("9999999999999999999.01.1970", "00:00:00"),
+            ("01.01.1970.1", "00:00:00"),
+            ("01.01.1970", "1:2"),
+            ("01.01.1970", "1:2:3:4"),
+            ("01.01.1970", "24:00:00"),
+            ("", ""),
+        ] {
+            assert_eq!(uptime_s(date, time), None, "{date} {time}");
         }
     }
 

@@ -7,11 +7,12 @@
 
 use super::commands::{
     self, EchoFilter, MeanFilter, OutputRange, ParticleFilter, ScanConfiguration, ScanContents,
-    UserLevel,
 };
+use super::error::ClientError;
 use super::modes::Mode;
 use super::request::Request;
-use super::session::{Client, ClientError};
+use super::session::Client;
+use std::fmt::Display;
 use std::time::{Duration, Instant};
 
 /// A scanner whose frequency changes may say nothing for so long; the listing says 30 s.
@@ -81,29 +82,14 @@ pub struct Present {
 impl Present {
     /// Asks the device; what its firmware does not know, or answers strangely, stays none.
     pub fn read(client: &mut Client) -> Result<Present, ClientError> {
-        fn known<T>(answer: Result<Option<T>, ClientError>) -> Result<Option<T>, ClientError> {
-            match answer {
-                Err(ClientError::Answer { .. }) => Ok(None),
-                other => other,
-            }
-        }
-        let scan = client.ask_if_known(&ScanConfiguration::request(), ScanConfiguration::parse);
-        let scan = known(scan)?;
-        let range = client.ask_if_known(&OutputRange::request(), OutputRange::parse);
-        let range = known(range)?;
-        let contents = client.ask_if_known(&ScanContents::request(), ScanContents::parse);
-        let contents = known(contents)?;
-        let echoes = client.ask_if_known(&EchoFilter::request(), EchoFilter::parse);
-        let echoes = known(echoes)?.flatten();
-        let mean = known(client.ask_if_known(&MeanFilter::request(), MeanFilter::parse))?;
-        let particle = client.ask_if_known(&ParticleFilter::request(), ParticleFilter::parse);
+        let echoes = client.ask_if_known(&EchoFilter::request(), EchoFilter::parse)?;
         Ok(Present {
-            scan,
-            range,
-            contents,
-            echoes,
-            mean,
-            particle: known(particle)?,
+            scan: client.ask_if_known(&ScanConfiguration::request(), ScanConfiguration::parse)?,
+            range: client.ask_if_known(&OutputRange::request(), OutputRange::parse)?,
+            contents: client.ask_if_known(&ScanContents::request(), ScanContents::parse)?,
+            echoes: echoes.flatten(),
+            mean: client.ask_if_known(&MeanFilter::request(), MeanFilter::parse)?,
+            particle: client.ask_if_known(&ParticleFilter::request(), ParticleFilter::parse)?,
         })
     }
 
@@ -140,69 +126,61 @@ impl Wanted {
 
     /// Where the device is not as wanted, in words.
     fn differences(&self, present: &Present) -> Vec<String> {
-        let mut found = Vec::new();
-        let mut compare = |what: &str, same: Option<bool>, is: String| match same {
-            Some(true) => {}
-            Some(false) => found.push(format!("{what} is {is}")),
-            None => found.push(format!("{what} cannot be read")),
-        };
-        if let Some(mode) = self.mode {
-            let same = |scan: ScanConfiguration| {
-                scan.frequency == mode.frequency && scan.resolution.abs_diff(mode.resolution) <= 1
-            };
-            let is = present.scan.map_or(String::new(), |scan| {
-                let (frequency, resolution) = (scan.frequency, scan.resolution);
-                format!(
-                    "{} Hz {} deg",
-                    f64::from(frequency) / 100.0,
-                    f64::from(resolution) / 1e4
-                )
-            });
-            compare("frequency and resolution", present.scan.map(same), is);
-        }
-        if let Some([from, to]) = self.range {
-            // The device may move the ends to beams.
-            let step = present.scan.map_or(10_000, |scan| scan.resolution);
-            let near = |a: i32, b: i32| a.abs_diff(b) <= step;
-            let same = |range: OutputRange| near(range.start, from) && near(range.end, to);
-            let is = present.range.map_or(String::new(), |range| {
-                let [from, to] = [range.start, range.end].map(|angle| f64::from(angle) / 1e4);
-                format!("{from} to {to} deg")
-            });
-            compare("the output range", present.range.map(same), is);
-        }
-        if self.touches_contents() {
-            let same = |contents: ScanContents| self.contents(contents) == contents;
-            let is = format!("{:?}", present.contents);
-            compare("what telegrams hold", present.contents.map(same), is);
-        }
-        if let Some(echoes) = self.echoes {
-            let is = format!("{:?}", present.echoes);
-            compare(
+        let on_off = |on: bool| if on { "on" } else { "off" };
+        let mut all = vec![
+            difference(
+                "frequency and resolution",
+                self.mode,
+                present.scan,
+                |mode, scan| {
+                    scan.frequency == mode.frequency
+                        && scan.resolution.abs_diff(mode.resolution.into()) <= 1
+                },
+            ),
+            difference(
+                "the output range",
+                self.range,
+                present.range,
+                |[from, to], range| {
+                    // The device may move the ends to beams.
+                    let step = present.scan.map_or(10_000, |scan| scan.resolution);
+                    range.start.abs_diff(from) <= step && range.end.abs_diff(to) <= step
+                },
+            ),
+            difference(
                 "the echo filter",
-                present.echoes.map(|now| now == echoes),
-                is,
-            );
+                self.echoes,
+                present.echoes,
+                |wanted, is| wanted == is,
+            ),
+            difference("the mean filter", self.mean, present.mean, |scans, is| {
+                is.divisor() == scans
+            }),
+        ];
+        let contents = |value: fn(ScanContents) -> bool| present.contents.map(value).map(on_off);
+        let particle = present.particle.map(|filter| on_off(filter.on));
+        for (what, wanted, is) in [
+            ("remission", self.remission, contents(|c| c.remission)),
+            ("the time block", self.time, contents(|c| c.time)),
+            ("encoder", self.encoder, contents(|c| c.encoder != [0, 0])),
+            ("the particle filter", self.particle, particle),
+        ] {
+            let wanted = wanted.map(on_off);
+            all.push(difference(what, wanted, is, |wanted, is| wanted == is));
         }
-        if let Some(mean) = self.mean {
-            let same = |now: MeanFilter| now.divisor() == mean;
-            let is = present.mean.map_or(String::new(), |mean| match mean.on {
-                true => format!("over {} scans", mean.scans),
-                false => "off".to_owned(),
-            });
-            compare("the mean filter", present.mean.map(same), is);
-        }
-        if let Some(particle) = self.particle {
-            let same = |now: ParticleFilter| now.on == particle;
-            let is = format!("{:?}", present.particle.map(|now| now.on));
-            compare("the particle filter", present.particle.map(same), is);
-        }
-        found
+        let divider = present.contents.map(|contents| contents.every);
+        all.push(difference(
+            "the divider",
+            self.every,
+            divider,
+            |wanted, is| wanted == is,
+        ));
+        all.into_iter().flatten().collect()
     }
 
     /// The requests, in their order, to a device that is set as `present`.
     pub fn requests(&self, present: &Present, hash: u32) -> Vec<Request> {
-        let log_in = || commands::set_access_mode(UserLevel::AuthorisedClient, hash);
+        let log_in = || commands::log_in(hash);
         let mut requests = vec![log_in()];
         if self.touches_contents() {
             let base = present.contents.unwrap_or(DELIVERED);
@@ -224,7 +202,7 @@ impl Wanted {
         let scan = match self.mode {
             Some(mode) => Some(ScanConfiguration {
                 frequency: mode.frequency,
-                resolution: mode.resolution,
+                resolution: mode.resolution.into(),
                 start: APERTURE[0],
                 end: APERTURE[1],
             }),
@@ -271,14 +249,14 @@ impl Wanted {
         if self.differences(&present).is_empty() && !self.save && !needs_start {
             return Ok(false);
         }
-        let changes_frequency = self
-            .mode
-            .zip(present.scan)
-            .is_none_or(|(mode, scan)| mode.frequency != scan.frequency);
-        client.log_in(UserLevel::AuthorisedClient, hash)?;
-        let answer = client.set_patience(FREQUENCY_CHANGE);
-        if !changes_frequency || self.mode.is_none() {
-            client.set_patience(answer);
+        let changes_frequency = self.mode.is_some_and(|mode| {
+            let is = present.scan.map(|scan| scan.frequency);
+            is != Some(mode.frequency)
+        });
+        client.log_in(hash)?;
+        let answer = client.patience();
+        if changes_frequency {
+            client.set_patience(FREQUENCY_CHANGE);
         }
         let sent = self.send_all(client, &present, hash, changes_frequency, remark);
         if sent.is_err() {
@@ -309,11 +287,11 @@ impl Wanted {
         // The first of them is the login, which is done.
         for request in self.requests(present, hash).iter().skip(1) {
             match request.name() {
-                "SetAccessMode" => client.log_in(UserLevel::AuthorisedClient, hash)?,
+                "SetAccessMode" => client.log_in(hash)?,
                 "Run" => client.run()?,
                 "LMPoutputRange" => set_range(client, request)?,
                 "mLMPsetscancfg" => {
-                    if changes_frequency && self.mode.is_some() {
+                    if changes_frequency {
                         remark("the frequency changes: the scanner may say nothing for up to 30 s");
                     }
                     set_scan(client, request)?;
@@ -331,6 +309,20 @@ impl Wanted {
             }
         }
         Ok(())
+    }
+}
+
+/// What is to be said where something that is wanted reads otherwise, or cannot be read.
+fn difference<W, P: Display + Copy>(
+    what: &str,
+    wanted: Option<W>,
+    present: Option<P>,
+    same: impl FnOnce(W, P) -> bool,
+) -> Option<String> {
+    match (wanted, present) {
+        (None, _) => None,
+        (Some(_), None) => Some(format!("{what} cannot be read")),
+        (Some(wanted), Some(is)) => (!same(wanted, is)).then(|| format!("{what} is {is}")),
     }
 }
 
@@ -367,11 +359,8 @@ fn set_range(client: &mut Client, request: &Request) -> Result<(), ClientError> 
 
 fn set_scan(client: &mut Client, request: &Request) -> Result<(), ClientError> {
     let reply = client.request(request)?;
-    let (status, _) =
-        ScanConfiguration::parse_set(&reply).map_err(|error| ClientError::Answer {
-            request: request.to_string(),
-            error,
-        })?;
+    let set = ScanConfiguration::parse_set(&reply);
+    let (status, _) = set.map_err(|error| ClientError::answer(request, error))?;
     if status == 0 {
         return Ok(());
     }
@@ -475,6 +464,44 @@ mod tests {
             [
                 "frequency and resolution is 25 Hz 0.5 deg",
                 "the echo filter cannot be read"
+            ]
+        );
+        let otherwise = Wanted {
+            range: Some([0, 900_000]),
+            echoes: Some(EchoFilter::All),
+            remission: Some(true),
+            time: Some(false),
+            encoder: Some(true),
+            every: Some(3),
+            mean: Some(2),
+            particle: Some(true),
+            ..Wanted::default()
+        };
+        let as_delivered = Present {
+            range: Some(OutputRange {
+                resolution: 5000,
+                start: -50_000,
+                end: 1_850_000,
+            }),
+            contents: Some(ScanContents {
+                time: true,
+                ..DELIVERED
+            }),
+            echoes: Some(EchoFilter::Last),
+            particle: Some(ParticleFilter { on: false }),
+            ..present
+        };
+        assert_eq!(
+            otherwise.differences(&as_delivered),
+            [
+                "the output range is -5 to 185 deg",
+                "the echo filter is last",
+                "the mean filter is off",
+                "remission is off",
+                "the time block is on",
+                "encoder is off",
+                "the particle filter is off",
+                "the divider is 1",
             ]
         );
         present.echoes = Some(EchoFilter::Last);

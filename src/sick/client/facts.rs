@@ -2,8 +2,9 @@
 
 use super::commands::{Contamination, DeviceStatus};
 use super::configure::Present;
+use super::error::ClientError;
 use super::request::{Reply, Request};
-use super::session::{Client, ClientError};
+use super::session::Client;
 use crate::sick::cola::Dialect;
 use crate::sick::scandata::FieldError;
 use serde_json::{Value, json};
@@ -15,6 +16,16 @@ pub struct Fact {
     pub key: &'static str,
     /// Its value.
     pub value: Value,
+}
+
+impl Fact {
+    /// The value for people.
+    pub fn text(&self) -> String {
+        match &self.value {
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        }
+    }
 }
 
 type Parse = fn(&Reply) -> Result<Value, FieldError>;
@@ -99,44 +110,35 @@ pub fn facts(client: &mut Client) -> Result<Vec<Fact>, ClientError> {
             }),
         },
     ];
-    for (key, name, parse) in VARIABLES {
-        ask(client, key, name, parse, &mut facts)?;
+    for (key, ..) in VARIABLES {
+        facts.extend(fact(client, key)?);
     }
-    match client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse) {
-        Ok(Some(status)) => {
-            let state = format!("{} ({})", status.words(), status.state);
-            for (key, value) in [
-                ("state", json!(state)),
-                ("temperature_out_of_range", json!(status.too_hot_or_cold)),
-                ("clock", json!(format!("{} {}", status.date, status.time))),
-            ] {
-                facts.push(Fact { key, value });
-            }
+    if let Some(status) = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse)? {
+        let state = format!("{} ({})", status.words(), status.state);
+        for (key, value) in [
+            ("state", json!(state)),
+            ("temperature_out_of_range", json!(status.too_hot_or_cold)),
+            ("clock", json!(format!("{} {}", status.date, status.time))),
+        ] {
+            facts.push(Fact { key, value });
         }
-        Ok(None) | Err(ClientError::Answer { .. }) => {}
-        Err(error) => return Err(error),
     }
     configuration(&Present::read(client)?, &mut facts);
-    for (key, name, parse) in TIME_CLIENT {
-        ask(client, key, name, parse, &mut facts)?;
+    for (key, ..) in TIME_CLIENT {
+        facts.extend(fact(client, key)?);
     }
     Ok(facts)
 }
 
-fn ask(
-    client: &mut Client,
-    key: &'static str,
-    name: &str,
-    parse: Parse,
-    facts: &mut Vec<Fact>,
-) -> Result<(), ClientError> {
-    match client.ask_if_known(&Request::read(name), parse) {
-        Ok(Some(value)) => facts.push(Fact { key, value }),
-        // Not known, or told in a way that only another firmware uses.
-        Ok(None) | Err(ClientError::Answer { .. }) => {}
-        Err(error) => return Err(error),
-    }
-    Ok(())
+/// Asks for the one fact of this key; none where the firmware does not know it, and for a key that is
+/// no variable's.
+pub fn fact(client: &mut Client, key: &str) -> Result<Option<Fact>, ClientError> {
+    let mut variables = VARIABLES.iter().chain(&TIME_CLIENT);
+    let Some((key, name, parse)) = variables.find(|(known, ..)| *known == key) else {
+        return Ok(None);
+    };
+    let value = client.ask_if_known(&Request::read(name), *parse)?;
+    Ok(value.map(|value| Fact { key, value }))
 }
 
 fn configuration(present: &Present, facts: &mut Vec<Fact>) {
@@ -157,7 +159,7 @@ fn configuration(present: &Present, facts: &mut Vec<Fact>) {
         );
     }
     if let Some(echoes) = present.echoes {
-        push("echoes", json!(format!("{echoes:?}").to_lowercase()));
+        push("echoes", json!(echoes.to_string()));
     }
     if let Some(contents) = present.contents {
         push("remission", json!(contents.remission));

@@ -52,7 +52,9 @@ pub fn overload(dialect: Dialect, baud: u32, present: &Present) -> Option<String
     if carried >= made {
         return None;
     }
-    let every = (made / carried).ceil();
+    // The scanner already sends every n-th scan only; --divider says anew of how many.
+    let divider = present.contents.map_or(1, |contents| contents.every.max(1));
+    let every = (made * f64::from(divider) / carried).ceil();
     Some(format!(
         "{baud} baud carry {carried:.1} scans/s of {bytes} bytes, and the scanner sends {made:.1}: \
          scans will be lost. Send less: --configure with a narrower --range-deg, --remission off, or \
@@ -110,6 +112,13 @@ mod tests {
             text.contains("sends 25.0") && text.contains("--divider 2"),
             "{text}"
         );
+        // 115 200 baud carry one in eight, whether the scanner sends each now or every second.
+        for every in [1, 2] {
+            let mut full = full;
+            full.contents = full.contents.map(|c| ScanContents { every, ..c });
+            let text = overload(Dialect::Binary, 115_200, &full).unwrap();
+            assert!(text.contains("--divider 8"), "{text}");
+        }
         let small = present(5000, 5000, false, false);
         assert_eq!(overload(Dialect::Binary, 500_000, &small), None);
         assert!(overload(Dialect::Binary, 115_200, &small).is_some());

@@ -16,6 +16,7 @@
 
 pub mod commands;
 pub mod configure;
+mod error;
 mod facts;
 pub mod load;
 pub mod modes;
@@ -24,9 +25,10 @@ mod session;
 #[cfg(test)]
 mod session_tests;
 
-pub use facts::{Fact, facts};
+pub use error::ClientError;
+pub use facts::{Fact, fact, facts};
 pub use request::{Refusal, Reply, Request, Value, Values, Verb};
-pub use session::{Client, ClientError, Incoming, Settings, Tap};
+pub use session::{Client, Incoming, Settings};
 
 /// The port whose dialect the device's setting `EIHstCola` decides.
 pub const HOST_PORT: u16 = 2112;

@@ -3,6 +3,7 @@
 //! Source: SICK telegram listing 8014631, table of `mCLsetscancfglist`; some of its editions print
 //! 75 Hz wrongly.
 
+use crate::sick::angles::true_step_deg;
 use std::fmt;
 
 /// One pair.
@@ -11,12 +12,12 @@ pub struct Mode {
     /// Scan frequency, 1/100 Hz.
     pub frequency: u32,
     /// Angle from beam to beam, 1e-4 deg, rounded as the device does.
-    pub resolution: u32,
+    pub resolution: u16,
     /// Scans whose beams lie between each other's; 1 is an ordinary mode.
     pub interlaced: u8,
 }
 
-const fn mode(frequency_hz: u32, resolution: u32, interlaced: u8) -> Mode {
+const fn mode(frequency_hz: u32, resolution: u16, interlaced: u8) -> Mode {
     Mode {
         frequency: frequency_hz * 100,
         resolution,
@@ -100,7 +101,7 @@ impl Mode {
 
     /// Angle from beam to beam, deg, freed of the rounding.
     pub fn resolution_deg(&self) -> f64 {
-        2.0 / (20_000.0 / f64::from(self.resolution)).round()
+        true_step_deg(self.resolution)
     }
 }
 

@@ -58,12 +58,8 @@ pub enum Value {
     I16(i16),
     /// Four bytes with a sign.
     I32(i32),
-    /// Four bytes, IEEE 754.
-    Real(f32),
     /// One byte, 0 or 1.
     Bool(bool),
-    /// Length (two bytes) and characters.
-    Text(String),
 }
 
 impl Value {
@@ -79,9 +75,7 @@ impl Value {
             Value::Hash(value) => write!(out, "{value:08X}"),
             Value::I16(value) => write!(out, "{value:+}"),
             Value::I32(value) => write!(out, "{value:+}"),
-            Value::Real(value) => write!(out, "{:08X}", value.to_bits()),
             Value::Bool(value) => write!(out, "{}", u8::from(*value)),
-            Value::Text(text) => write!(out, "{:X} {text}", text.len()),
         };
     }
 
@@ -93,13 +87,7 @@ impl Value {
             Value::U32(value) | Value::Hash(value) => out.extend_from_slice(&value.to_be_bytes()),
             Value::I16(value) => out.extend_from_slice(&value.to_be_bytes()),
             Value::I32(value) => out.extend_from_slice(&value.to_be_bytes()),
-            Value::Real(value) => out.extend_from_slice(&value.to_be_bytes()),
             Value::Bool(value) => out.push(u8::from(*value)),
-            Value::Text(text) => {
-                let length = u16::try_from(text.len()).unwrap_or(u16::MAX);
-                out.extend_from_slice(&length.to_be_bytes());
-                out.extend(text.bytes().take(length.into()));
-            }
         }
     }
 }
@@ -153,7 +141,7 @@ impl Request {
 
     /// Appends the request in its frame.
     pub fn encode(&self, dialect: Dialect, out: &mut Vec<u8>) {
-        let mut body = match dialect {
+        let body = match dialect {
             Dialect::Text => self.text(|value, text| value.write_text(text)).into_bytes(),
             Dialect::Binary => {
                 let mut body = format!("{} {}", self.verb.request(), self.name).into_bytes();
@@ -166,10 +154,6 @@ impl Request {
                 body
             }
         };
-        if dialect == Dialect::Text {
-            // Nothing that ends a frame may be in it.
-            body.retain(|byte| !matches!(*byte, cola::STX | cola::ETX));
-        }
         cola::frame(dialect, &body, out);
     }
 
@@ -328,11 +312,6 @@ impl Refusal {
     /// The device knows no such command, variable, method or event.
     pub fn is_unknown_command(self) -> bool {
         matches!(self.0, 2 | 3 | 0xB | 0xC | 0xF)
-    }
-
-    /// Nobody is logged in, or with too low a level.
-    pub fn is_access(self) -> bool {
-        matches!(self.0, 1 | 0xA)
     }
 
     /// Reads the code after `sFA`; none for anything else.
@@ -498,15 +477,6 @@ mod tests {
             let text = refusal.to_string();
             assert!(text.contains("sFA"), "{text}");
         }
-        assert!(Refusal(10).is_access() && Refusal(3).is_unknown_command());
-    }
-
-    #[test]
-    fn nothing_in_a_name_ends_the_frame() {
-        let text = Request::write("LocationName", vec![Value::Text("a\x03b".into())]);
-        assert_eq!(
-            encoded(&text, Dialect::Text),
-            b"\x02sWN LocationName 3 ab\x03"
-        );
+        assert!(Refusal(3).is_unknown_command() && !Refusal(10).is_unknown_command());
     }
 }

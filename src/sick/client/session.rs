@@ -1,9 +1,10 @@
 //! A session with a scanner over an open line.
 
-use super::commands::{self, DeviceStatus, UserLevel};
+use super::commands::{self, DeviceStatus};
+use super::error::ClientError;
 use super::request::{Refusal, Reply, Request};
 use super::{HOST_PORT, TEXT_PORT};
-use crate::link::{Connection, Endpoint, HostInstant, LinkError};
+use crate::link::{Connection, Endpoint, HostInstant, Interrupted, Tap};
 use crate::sick::cola::{Dialect, Event, Framer, Skipped, Telegram};
 use crate::sick::scandata::{self, Calendar, FieldError};
 use std::collections::VecDeque;
@@ -17,70 +18,6 @@ const GLANCE: Duration = Duration::from_millis(100);
 const MOST_HELD: usize = 4096;
 /// Arrivals of chunks remembered for the time of a reply's first byte.
 const CHUNKS_REMEMBERED: usize = 64;
-
-/// Why a session is of no use (any more), or a request failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ClientError {
-    /// The line failed.
-    #[error(transparent)]
-    Link(#[from] LinkError),
-    /// Neither dialect was answered.
-    #[error("{place}: no answer in CoLa A or CoLa B in {waited_s:.1} s ({heard}). {advice}")]
-    NoDialect {
-        /// Host and port, or the serial port.
-        place: String,
-        /// How long was waited, s.
-        waited_s: f64,
-        /// What came instead.
-        heard: String,
-        /// What to try.
-        advice: &'static str,
-    },
-    /// A request was not answered.
-    #[error("{place}: {request:?} was not answered in {waited_s:.1} s")]
-    Silent {
-        /// Host and port, or the serial port.
-        place: String,
-        /// The request, as CoLa A writes it.
-        request: String,
-        /// How long was waited, s.
-        waited_s: f64,
-    },
-    /// The device refused a request.
-    #[error("{request}: {refusal}")]
-    Refused {
-        /// The request, as CoLa A writes it.
-        request: String,
-        /// Why.
-        refusal: Refusal,
-    },
-    /// A method was carried out but says that it failed.
-    #[error("{request}: the device answers {status}: {meaning}")]
-    Failed {
-        /// The request, as CoLa A writes it.
-        request: String,
-        /// What the device answered.
-        status: u8,
-        /// What that means and what to do.
-        meaning: String,
-    },
-    /// An answer does not hold what it should.
-    #[error("answer to {request:?}: {error}")]
-    Answer {
-        /// The request, as CoLa A writes it.
-        request: String,
-        /// What is wrong.
-        error: FieldError,
-    },
-    /// The user wants it to end.
-    #[error("ended on request")]
-    Interrupted,
-}
-
-/// Sees every chunk of bytes as it comes from the device, with its time of arrival.
-pub type Tap = Box<dyn FnMut(&[u8], HostInstant)>;
-/// Says whether waiting is to end.
-type Interrupted = Box<dyn Fn() -> bool>;
 
 /// How a session is opened.
 #[derive(Clone, Copy, Debug)]
@@ -173,7 +110,6 @@ pub struct Client {
     interrupted: Option<Interrupted>,
     /// For so long after a request the answer is looked for without sleeping.
     spin: Duration,
-    strays: u64,
     out: Vec<u8>,
 }
 
@@ -183,7 +119,7 @@ impl Client {
         endpoint: &Endpoint,
         settings: &Settings,
         tap: Option<Tap>,
-        interrupted: Option<Box<dyn Fn() -> bool>>,
+        interrupted: Option<Interrupted>,
     ) -> Result<Client, ClientError> {
         let line = Connection::open(endpoint, HOST_PORT, settings.baud, settings.connect)?;
         let text_only = matches!(
@@ -209,7 +145,7 @@ impl Client {
         line: Connection,
         settings: &Settings,
         tap: Option<Tap>,
-        interrupted: Option<Box<dyn Fn() -> bool>>,
+        interrupted: Option<Interrupted>,
     ) -> Result<Client, ClientError> {
         let mut answer = settings.answer;
         if !line.is_tcp() {
@@ -229,7 +165,6 @@ impl Client {
             tap,
             interrupted,
             spin: Duration::ZERO,
-            strays: 0,
             out: Vec::new(),
         };
         client.probe(settings.dialect)?;
@@ -313,9 +248,14 @@ impl Client {
         &mut self.line
     }
 
-    /// Gives the device more time for its answers; gives back how much it had.
-    pub fn set_patience(&mut self, answer: Duration) -> Duration {
-        std::mem::replace(&mut self.answer, answer)
+    /// How long the device may take for an answer.
+    pub fn patience(&self) -> Duration {
+        self.answer
+    }
+
+    /// Gives the device this long for each of its answers.
+    pub fn set_patience(&mut self, answer: Duration) {
+        self.answer = answer;
     }
 
     /// For so long after each request the answer is looked for without sleeping: a CPU that sleeps
@@ -325,13 +265,8 @@ impl Client {
     }
 
     /// Replaces what ends a wait early.
-    pub fn set_interrupted(&mut self, interrupted: Option<Box<dyn Fn() -> bool>>) {
+    pub fn set_interrupted(&mut self, interrupted: Option<Interrupted>) {
         self.interrupted = interrupted;
-    }
-
-    /// Replies that nobody had asked for (any more).
-    pub fn strays(&self) -> u64 {
-        self.strays
     }
 
     /// Asks and waits for the answer; a refusal (`sFA`) is an error.
@@ -379,15 +314,6 @@ impl Client {
         }
     }
 
-    /// Asks for something that not every firmware knows: none where it is refused.
-    pub fn request_if_known(&mut self, request: &Request) -> Result<Option<Reply>, ClientError> {
-        match self.request(request) {
-            Ok(reply) => Ok(Some(reply)),
-            Err(ClientError::Refused { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
-    }
-
     /// Calls a method that answers `wanted` when it has done its work; `meaning` says what another
     /// answer means.
     pub fn call(
@@ -405,16 +331,16 @@ impl Client {
                 status,
                 meaning: meaning.to_owned(),
             }),
-            Err(error) => Err(unclear(request, error)),
+            Err(error) => Err(ClientError::answer(request, error)),
         }
     }
 
-    /// Logs in.
+    /// Logs in at the level that may configure.
     ///
     /// # Errors
     /// [`ClientError::Failed`] where the password is wrong; the hash is not in the message.
-    pub fn log_in(&mut self, level: UserLevel, hash: u32) -> Result<(), ClientError> {
-        let request = commands::set_access_mode(level, hash);
+    pub fn log_in(&mut self, hash: u32) -> Result<(), ClientError> {
+        let request = commands::log_in(hash);
         let wrong = "login refused: the password has been changed. Give its hash by \
                      --password-file FILE or in CABLEPOSE_PASSWORD";
         self.call(&request, 1, wrong)
@@ -468,20 +394,20 @@ impl Client {
         parse: fn(&Reply) -> Result<T, FieldError>,
     ) -> Result<T, ClientError> {
         let reply = self.request(request)?;
-        parse(&reply).map_err(|error| unclear(request, error))
+        parse(&reply).map_err(|error| ClientError::answer(request, error))
     }
 
-    /// The same for something that not every firmware knows: none where it is refused.
+    /// The same for something that not every firmware knows: none where it is refused, or answered
+    /// in a way that only another firmware understands.
     pub fn ask_if_known<T>(
         &mut self,
         request: &Request,
         parse: fn(&Reply) -> Result<T, FieldError>,
     ) -> Result<Option<T>, ClientError> {
-        match self.request_if_known(request)? {
-            None => Ok(None),
-            Some(reply) => parse(&reply)
-                .map(Some)
-                .map_err(|error| unclear(request, error)),
+        match self.ask(request, parse) {
+            Ok(answer) => Ok(Some(answer)),
+            Err(ClientError::Refused { .. } | ClientError::Answer { .. }) => Ok(None),
+            Err(error) => Err(error),
         }
     }
 
@@ -518,7 +444,7 @@ impl Client {
     /// Puts aside whatever the last chunk still holds, with that chunk's time.
     fn hold_rest(&mut self) {
         while let Some(event) = self.framer.next() {
-            hold(&mut self.held, &mut self.strays, event, self.at);
+            hold(&mut self.held, event, self.at);
         }
     }
 
@@ -557,7 +483,7 @@ impl Client {
                     let first = self.chunks.iter().find(|(end, _)| *end > begin);
                     return Ok(Some((found, first.map_or(at, |(_, at)| *at), at)));
                 }
-                hold(&mut self.held, &mut self.strays, event, at);
+                hold(&mut self.held, event, at);
             }
             if self
                 .interrupted
@@ -582,7 +508,7 @@ impl Client {
 }
 
 /// Keeps what came without being asked for; other replies are too late and of no use.
-fn hold(held: &mut VecDeque<Held>, strays: &mut u64, event: Event, at: HostInstant) {
+fn hold(held: &mut VecDeque<Held>, event: Event, at: HostInstant) {
     if held.len() >= MOST_HELD {
         held.pop_front();
     }
@@ -596,13 +522,6 @@ fn hold(held: &mut VecDeque<Held>, strays: &mut u64, event: Event, at: HostInsta
                 at,
             });
         }
-        Event::Telegram(_) => *strays += 1,
-    }
-}
-
-fn unclear(request: &Request, error: FieldError) -> ClientError {
-    ClientError::Answer {
-        request: request.to_string(),
-        error,
+        Event::Telegram(_) => {}
     }
 }

@@ -1,8 +1,8 @@
 //! Sessions with scripted peers on loopback sockets.
 
 use super::*;
-use crate::link::{Connection, Endpoint};
-use crate::sick::client::commands::{DeviceStatus, UserLevel};
+use crate::link::{Connection, Endpoint, Tap};
+use crate::sick::client::commands::DeviceStatus;
 use crate::sick::cola::{self, Dialect, Event, Framer};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -191,7 +191,7 @@ fn refusals_and_failures_say_what_to_do() {
         })
     });
     let mut client = Client::connect(&endpoint, &settings(), None, None).unwrap();
-    let refused = client.log_in(UserLevel::AuthorisedClient, 0x1234_5678);
+    let refused = client.log_in(0x1234_5678);
     let text = refused.unwrap_err().to_string();
     assert!(
         text.contains("--password-file") && !text.contains("12345678"),
@@ -199,12 +199,8 @@ fn refusals_and_failures_say_what_to_do() {
     );
     let text = client.run().unwrap_err().to_string();
     assert!(text.contains("sFA A, write access denied"), "{text}");
-    assert!(
-        client
-            .request_if_known(&Request::read("X"))
-            .unwrap()
-            .is_none()
-    );
+    let unknown = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse);
+    assert!(unknown.unwrap().is_none());
     drop(client);
     device.join().unwrap();
 }

@@ -2,7 +2,7 @@
 
 use super::values::{Refusal, Reply, Request, Value};
 use super::{Emulator, Source, State};
-use crate::link::emulation::{LineId, Outbox};
+use crate::link::emulation::{LineId, Outbox, nanoseconds};
 use crate::sick::cola::{self, Dialect, Telegram};
 use crate::sick::emulator::configuration::APERTURE;
 use crate::sick::scandata::Calendar;
@@ -365,7 +365,7 @@ impl<S: Source> Emulator<S> {
             (_, State::Boot(_)) => return 1,
             ("LMCstartmeas", State::Stopped) => self.resume(now_ns),
             ("LMCstartmeas", State::Standby) => {
-                self.state = State::Settle(now_ns + super::nanoseconds(self.behaviour.settle));
+                self.state = State::Settle(now_ns + nanoseconds(self.behaviour.settle));
             }
             ("LMCstopmeas", _) => self.state = State::Stopped,
             ("LMCstandby", _) => self.state = State::Standby,

@@ -30,6 +30,10 @@ pub enum RecordingError {
     },
 }
 
+/// A longer pause between two scans, or a step back, comes from a device that was started again or a
+/// telegram that was overtaken: one period stands for it, us.
+const LONGEST_PAUSE_US: i64 = 10_000_000;
+
 /// Recorded scans and when they were made.
 #[derive(Debug)]
 pub struct Recording {
@@ -64,16 +68,16 @@ impl Recording {
                 if !is_scan(&telegram) || scan.parse(&telegram).is_err() {
                     continue;
                 }
-                let ticks = |from: u32, to: u32| i64::from(to.wrapping_sub(from)) * 1000;
+                let ticks_us = |from: u32, to: u32| i64::from(to.wrapping_sub(from).cast_signed());
                 if let Some((last, _)) = scans.last() {
-                    let since_ns = ticks(last.scan_tick_us, scan.scan_tick_us);
-                    if since_ns == 0 {
-                        // Sent twice.
-                        continue;
-                    }
-                    index_ns += since_ns;
+                    index_ns += match ticks_us(last.scan_tick_us, scan.scan_tick_us) {
+                        0 => continue, // sent twice
+                        since_us @ 1..=LONGEST_PAUSE_US => since_us * 1000,
+                        _ => period_ns(&scan),
+                    };
                 }
-                let transmit_after_ns = ticks(scan.scan_tick_us, scan.transmit_tick_us);
+                let after_us = ticks_us(scan.scan_tick_us, scan.transmit_tick_us);
+                let transmit_after_ns = after_us.max(0) * 1000;
                 let revolution = Revolution {
                     index_ns,
                     end_ns: index_ns,
@@ -96,7 +100,7 @@ impl Recording {
             model: model.name,
         })?;
         let mean_ns = match scans.len() as i64 - 1 {
-            0 => (1e9 / frequency_hz) as i64,
+            0 => period_ns(first),
             gaps => index_ns / gaps,
         };
         Ok(Recording {
@@ -118,6 +122,14 @@ impl Recording {
     /// Whether there are none, which [`Recording::new`] refuses.
     pub fn is_empty(&self) -> bool {
         self.scans.is_empty()
+    }
+}
+
+/// The nominal period, ns; 0 where the telegram does not say.
+fn period_ns(scan: &LmdScandata) -> i64 {
+    match i64::from(scan.scan_frequency) {
+        0 => 0,
+        hundredths => 100_000_000_000 / hundredths,
     }
 }
 
@@ -167,5 +179,55 @@ impl Source for Recording {
 
     fn coverage(&self) -> Option<[i32; 2]> {
         self.coverage
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sick::cola::Dialect;
+    use crate::sick::encode::encode;
+    use crate::sick::scandata::Channel;
+
+    /// When the scans of a recording with these ticks are made again, ms.
+    fn index_ms(ticks_us: &[u32]) -> Vec<i64> {
+        let mut bytes = Vec::new();
+        for tick_us in ticks_us {
+            let scan = LmdScandata {
+                scan_tick_us: *tick_us,
+                transmit_tick_us: tick_us.wrapping_add(40_000),
+                scan_frequency: 2500,
+                channels: vec![Channel {
+                    name: *b"DIST1",
+                    scale: 1.0,
+                    start_angle: -50_000,
+                    angular_step: 1667,
+                    values: vec![1000; 1141],
+                    ..Channel::default()
+                }],
+                ..LmdScandata::default()
+            };
+            encode(&scan, Dialect::Binary, &mut bytes);
+        }
+        let model = ScannerModel::by_name("lms511-hr").unwrap();
+        let mut recording = Recording::new(&bytes, model, Some(1)).unwrap();
+        let mut telegram = LmdScandata::default();
+        let revolutions =
+            std::iter::from_fn(|| recording.next(model.modes[0], true, &mut telegram));
+        revolutions.map(|r| r.index_ns / 1_000_000).collect()
+    }
+
+    #[test]
+    fn a_restart_and_an_overtaken_telegram_take_one_period() {
+        // On, sent twice, one missing.
+        assert_eq!(index_ms(&[1000, 41_000, 41_000, 121_000]), [0, 40, 120]);
+        // Over the wrap; overtaken; started again, by either way back; on.
+        let wrap = u32::MAX - 9999;
+        assert_eq!(index_ms(&[wrap, 30_000, 10_000, 50_000]), [0, 40, 80, 120]);
+        assert_eq!(
+            index_ms(&[3_000_000_000, 2000, 42_000]),
+            index_ms(&[1_000_000_000, 2000, 42_000])
+        );
+        assert_eq!(index_ms(&[1_000_000_000, 2000, 42_000]), [0, 40, 80]);
     }
 }

@@ -10,10 +10,8 @@ mod unit;
 
 use crate::gx1::command;
 use crate::gx1::session::Identity;
-use crate::link::{latency_timer, ports};
-use crate::stream::{Fault, Outcome};
-use std::io::Write;
-use std::path::Path;
+use crate::stream::Outcome;
+use crate::tool::ports;
 
 /// The tool's name.
 const NAME: &str = "imu-read";
@@ -128,7 +126,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Some(Question::Tare(args)) => unit::tare(args),
         Some(Question::Rate(args)) => unit::rate(args),
         Some(Question::Check(args)) => unit::check(args),
-        Some(Question::List) => list(),
+        Some(Question::List) => ports::list(NAME),
     }
 }
 
@@ -137,22 +135,4 @@ fn firmware(identity: Identity) -> String {
     identity
         .firmware
         .map_or("not told on RS-485".to_owned(), command::firmware_version)
-}
-
-/// Prints the ports.
-fn list() -> anyhow::Result<Outcome> {
-    let ports = ports().map_err(Fault::Unavailable)?;
-    let mut out = std::io::stdout().lock();
-    for port in &ports {
-        let timer = latency_timer(Path::new(&port.path));
-        let timer = timer.map_or(String::new(), |timer| {
-            format!("\tlatency timer {} ms", timer.ms)
-        });
-        writeln!(out, "{}\t{}{timer}", port.path, port.adapter)?;
-    }
-    out.flush()?;
-    if ports.is_empty() {
-        eprintln!("{NAME}: no serial ports");
-    }
-    Ok(Outcome::Done)
 }

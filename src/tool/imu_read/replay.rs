@@ -8,13 +8,13 @@ use crate::gx1::framer::Framer;
 use crate::gx1::ticks::TickFactors;
 use crate::gx1::unit_file::{self, UnitFile};
 use crate::gx1::{Arrived, Command, Gains, Mode, Samples, Setup};
-use crate::link::{Arrivals, HostInstant, times_beside};
+use crate::link::{Arrivals, HostInstant};
 use crate::record::Stamp;
 use crate::stream::{Bytes, Fault, Options, Outcome, Stop};
 use crate::tool::arguments::CommonArgs;
-use std::fs::File;
+use crate::tool::recording::Times;
 use std::io::{BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of the replay.
 #[derive(Clone, Debug, clap::Args)]
@@ -61,6 +61,7 @@ const CHUNK: usize = 1 << 16;
 /// Decodes.
 pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
     let mut options = args.common.options(NAME)?;
+    let times = Times::new(&args.files, args.times.as_deref(), args.no_times)?;
     let stop = Stop::install()?;
     let unit = find_unit(&args)?;
     if args.packets {
@@ -68,7 +69,7 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
             let text = "--packets prints text to stdout: -o and --format are of samples";
             return Err(Fault::Usage(text.into()).into());
         }
-        return print_packets(&args, &options, unit.as_ref(), &stop);
+        return print_packets(&args, &options, times, unit.as_ref(), &stop);
     }
     let frame = args.samples.frame()?;
     options.configuration = frame.as_ref().map(|(_, text)| text.clone());
@@ -83,7 +84,7 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
         samples.begin();
     }
     let mut own_time = OwnTime::default();
-    read(&args, &options, &mut framer, |framer, timed| {
+    read(&args, times, &options, &mut framer, |framer, timed| {
         while let Some(mut arrived) = framer.next() {
             if !timed {
                 own_time.stamp(&mut arrived, &samples);
@@ -180,6 +181,7 @@ fn setup(args: &ReplayArgs, unit: Option<&UnitFile>) -> anyhow::Result<Setup> {
 fn print_packets(
     args: &ReplayArgs,
     options: &Options,
+    times: Times,
     unit: Option<&UnitFile>,
     stop: &Stop,
 ) -> anyhow::Result<Outcome> {
@@ -197,7 +199,7 @@ fn print_packets(
     let mut out = BufWriter::new(std::io::stdout().lock());
     writeln!(out, "{}", packets::HEADER)?;
     let mut written = 0;
-    read(args, options, &mut framer, |framer, _| {
+    read(args, times, options, &mut framer, |framer, _| {
         while let Some(arrived) = framer.next() {
             packets::row(&mut out, &arrived, gains)?;
             written += 1;
@@ -219,6 +221,7 @@ fn print_packets(
 /// `take` is told whether there are times.
 fn read(
     args: &ReplayArgs,
+    times: Times,
     options: &Options,
     framer: &mut Framer,
     mut take: impl FnMut(&mut Framer, bool) -> anyhow::Result<bool>,
@@ -226,7 +229,7 @@ fn read(
     let mut before: Option<Arrivals> = None;
     let mut chunk = vec![0; CHUNK];
     for file in &args.files {
-        let arrivals = find_arrivals(file, args)?;
+        let arrivals = times.read(file)?;
         if let (Some(before), Some(now)) = (&before, &arrivals)
             && !now.continues(before)
         {
@@ -270,21 +273,6 @@ fn piece(arrivals: Option<&Arrivals>, place: u64, length: usize) -> (HostInstant
         }
         None => (super::live::NO_TIME, length),
     }
-}
-
-fn find_arrivals(recording: &Path, args: &ReplayArgs) -> anyhow::Result<Option<Arrivals>> {
-    let beside = times_beside(recording);
-    let path = match &args.times {
-        _ if args.no_times => return Ok(None),
-        Some(path) => path,
-        None if recording != Path::new("-") && beside.is_file() => &beside,
-        None => return Ok(None),
-    };
-    let file =
-        File::open(path).map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
-    let arrivals = Arrivals::read(file)
-        .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
-    Ok(Some(arrivals))
 }
 
 /// Arrival times for a recording without any: every reply comes as soon as its cycle is over.

@@ -3,65 +3,44 @@
 
 use super::NAME;
 use super::args::Args;
-use crate::sick::angle_jitter::{AngleJitter, Learner, MOST_SCANS};
-use crate::sick::cola::{Event, Framer};
+use super::replay::each_scan;
+use crate::sick::angle_jitter::{AngleJitter, Learner};
+use crate::sick::cola::Framer;
 use crate::sick::replay::{Replay, Settings};
-use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Fault, Outcome, WholeFile};
 use anyhow::Context;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes read at a time.
-const CHUNK: usize = 1 << 16;
-
 /// Reads a model.
 pub(super) fn read(path: &Path) -> anyhow::Result<AngleJitter> {
     let name = path.display();
     let text = std::fs::read_to_string(path)
-        .map_err(|error| Fault::NoInput(format!("{name}: {}", plain(&error))))?;
+        .map_err(|error| Fault::NoInput(format!("{name}: {error}")))?;
     let model = AngleJitter::from_toml(&text);
     Ok(model.map_err(|error| Fault::Configuration(format!("{name}: {error}")))?)
 }
 
-/// Learns a model from recordings and writes it.
+/// Learns a model from recordings, which may be the parts of one, and writes it.
 pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> {
     let output = WholeFile::open(args.common.output.as_deref())?;
     let mut learner = Learner::default();
     let mut replay = Replay::new(settings);
-    let mut telegram = LmdScandata::default();
+    let mut framer = Framer::new();
     for recording in &args.replay {
         let name = recording.display();
-        let mut bytes: Box<dyn Read> = if recording == Path::new("-") {
+        let bytes: Box<dyn Read> = if recording == Path::new("-") {
             Box::new(std::io::stdin())
         } else {
             let file = File::open(recording);
-            Box::new(file.map_err(|error| Fault::NoInput(format!("{name}: {}", plain(&error))))?)
+            Box::new(file.map_err(|error| Fault::NoInput(format!("{name}: {error}")))?)
         };
-        let mut framer = Framer::new();
-        let mut chunk = vec![0; CHUNK];
-        let mut scans = 0;
-        loop {
-            let length = bytes.read(&mut chunk).with_context(|| name.to_string())?;
-            framer.feed(chunk.get(..length).unwrap_or_default());
-            if length == 0 {
-                framer.end();
-            }
-            while let Some(event) = framer.next() {
-                if let Event::Telegram(found) = event
-                    && scandata::is_scan(&found)
-                    && telegram.parse(&found).is_ok()
-                    && let Ok(Some(scan)) = replay.push(&telegram, None)
-                {
-                    learner.push(scan);
-                    scans += 1;
-                }
-            }
-            if length == 0 || scans > MOST_SCANS {
-                break;
-            }
-        }
+        each_scan(bytes, &mut framer, &mut replay, |scan| {
+            learner.push(scan);
+            !learner.is_full()
+        })
+        .with_context(|| name.to_string())?;
     }
     let model = learner
         .learn()
@@ -75,12 +54,4 @@ pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> 
         );
     }
     Ok(Outcome::Done)
-}
-
-fn plain(error: &std::io::Error) -> String {
-    let text = error.to_string();
-    text.split(" (os error")
-        .next()
-        .unwrap_or_default()
-        .to_owned()
 }

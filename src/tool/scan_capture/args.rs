@@ -236,11 +236,6 @@ impl Args {
             if self.configure.configure {
                 return usage("--configure is for a device, not for --replay".into());
             }
-            if self.replay.len() > 1 && self.times.is_some() {
-                return usage(
-                    "--times is the table of one recording, and there are several".into(),
-                );
-            }
         }
         if self.angle_jitter == AngleJitterArg::Learn && self.replay.is_empty() {
             let text = "--angle-jitter learn needs a recording: --replay FILE";

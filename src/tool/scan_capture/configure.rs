@@ -1,101 +1,68 @@
 //! `--configure`: what the scanner is to be set to.
 
 use super::NAME;
-use crate::sick::client::commands::{EchoFilter, UserLevel};
+use crate::sick::client::commands::EchoFilter;
 use crate::sick::client::configure::{APERTURE, Present, Wanted};
 use crate::sick::client::modes::Mode;
 use crate::sick::cola::Dialect;
 use crate::stream::{Fault, Outcome};
+use crate::tool::password;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// The environment's variable with the password's hash.
-const PASSWORD: &str = "CABLEPOSE_PASSWORD";
+use std::path::PathBuf;
 
 /// What the scanner is set to before the capture.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(
     next_help_heading = "Configuration (with --configure; the device is not changed otherwise)"
 )]
+#[group(id = "configuration", multiple = true, requires = "configure")]
 pub struct ConfigureArgs {
     /// Set the scanner as the following options say, log in for it, and read everything back
     #[arg(long)]
     pub configure: bool,
     /// Scan frequency; goes with --resolution-deg
-    #[arg(long, value_name = "HZ", requires_all = ["configure", "resolution_deg"], value_parser = positive)]
+    #[arg(long, value_name = "HZ", requires = "resolution_deg", value_parser = positive)]
     pub frequency_hz: Option<f64>,
     /// Angle from beam to beam; goes with --frequency-hz
-    #[arg(long, value_name = "DEG", requires_all = ["configure", "frequency_hz"], value_parser = positive)]
+    #[arg(long, value_name = "DEG", requires = "frequency_hz", value_parser = positive)]
     pub resolution_deg: Option<f64>,
     /// First and last angle that are sent, within -5 and 185
-    #[arg(long, value_name = "FROM,TO", requires = "configure", allow_hyphen_values = true, value_parser = parse_range)]
+    #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true, value_parser = parse_range)]
     pub range_deg: Option<[i32; 2]>,
     /// Which echoes are sent
-    #[arg(long, value_enum, value_name = "WHICH", requires = "configure")]
+    #[arg(long, value_enum, value_name = "WHICH")]
     pub echoes: Option<Echoes>,
     /// Whether remissions are sent
-    #[arg(
-        long,
-        value_enum,
-        value_name = "ON|OFF",
-        requires = "configure",
-        hide_possible_values = true
-    )]
-    pub remission: Option<Switch>,
+    #[arg(long, value_name = "ON|OFF", value_parser = on_off(), hide_possible_values = true)]
+    pub remission: Option<bool>,
     /// Scans to a mean, 2 to 100; 1 switches the filter off
-    #[arg(long, value_name = "N", requires = "configure", value_parser = clap::value_parser!(u16).range(1..=100))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
     pub mean_scans: Option<u16>,
     /// The particle filter
-    #[arg(
-        long,
-        value_enum,
-        value_name = "ON|OFF",
-        requires = "configure",
-        hide_possible_values = true
-    )]
-    pub particle_filter: Option<Switch>,
+    #[arg(long, value_name = "ON|OFF", value_parser = on_off(), hide_possible_values = true)]
+    pub particle_filter: Option<bool>,
     /// Send every N-th scan
-    #[arg(long, value_name = "N", requires = "configure", value_parser = clap::value_parser!(u16).range(1..=50_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50_000))]
     pub divider: Option<u16>,
     /// Whether encoder values are sent
-    #[arg(
-        long,
-        value_enum,
-        value_name = "ON|OFF",
-        requires = "configure",
-        hide_possible_values = true
-    )]
-    pub encoder: Option<Switch>,
+    #[arg(long, value_name = "ON|OFF", value_parser = on_off(), hide_possible_values = true)]
+    pub encoder: Option<bool>,
     /// Whether the device's calendar time is sent
-    #[arg(
-        long,
-        value_enum,
-        value_name = "ON|OFF",
-        requires = "configure",
-        hide_possible_values = true
-    )]
-    pub time_block: Option<Switch>,
+    #[arg(long, value_name = "ON|OFF", value_parser = on_off(), hide_possible_values = true)]
+    pub time_block: Option<bool>,
     /// Start the measurement where it has been switched off
-    #[arg(long, requires = "configure")]
+    #[arg(long)]
     pub start: bool,
     /// Keep the parameters over power-off (EEPROM)
-    #[arg(long, requires = "configure")]
+    #[arg(long)]
     pub save: bool,
     /// Print the telegrams and connect to nothing
-    #[arg(long, requires = "configure")]
+    #[arg(long)]
     pub dry_run: bool,
     /// File with the password's hash, 8 hexadecimal digits [default: CABLEPOSE_PASSWORD, or that of delivery]
-    #[arg(long, value_name = "FILE", requires = "configure")]
+    #[arg(long, value_name = "FILE")]
     pub password_file: Option<PathBuf>,
-}
-
-/// On or off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Switch {
-    /// on
-    On,
-    /// off
-    Off,
 }
 
 /// Which echoes.
@@ -132,7 +99,6 @@ impl ConfigureArgs {
             ),
             _ => None,
         };
-        let on = |switch: Option<Switch>| switch.map(|switch| switch == Switch::On);
         let wanted = Wanted {
             mode,
             range: self.range_deg,
@@ -141,12 +107,12 @@ impl ConfigureArgs {
                 Echoes::All => EchoFilter::All,
                 Echoes::Last => EchoFilter::Last,
             }),
-            remission: on(self.remission),
-            time: on(self.time_block),
-            encoder: on(self.encoder),
+            remission: self.remission,
+            time: self.time_block,
+            encoder: self.encoder,
             every: self.divider,
             mean: self.mean_scans,
-            particle: on(self.particle_filter),
+            particle: self.particle_filter,
             start: self.start,
             save: self.save,
         };
@@ -156,7 +122,7 @@ impl ConfigureArgs {
         }
         Ok(Some(Plan {
             wanted,
-            hash: password_hash(self.password_file.as_deref())?,
+            hash: password::hash(self.password_file.as_deref())?,
         }))
     }
 }
@@ -185,29 +151,8 @@ impl Plan {
     }
 }
 
-/// The password's hash: from a file, from the environment, or that of a device as delivered.
-fn password_hash(file: Option<&Path>) -> anyhow::Result<u32> {
-    let (text, place) = match (file, std::env::var(PASSWORD)) {
-        (Some(path), _) => {
-            let text = std::fs::read_to_string(path).map_err(|error| {
-                let text = error.to_string();
-                let reason = text.split(" (os error").next().unwrap_or_default();
-                Fault::NoInput(format!("{}: {reason}", path.display()))
-            })?;
-            (text, path.display().to_string())
-        }
-        (None, Ok(text)) => (text, PASSWORD.to_owned()),
-        (None, Err(_)) => return Ok(UserLevel::AuthorisedClient.default_hash()),
-    };
-    let digits = text.trim();
-    let hash = u32::from_str_radix(digits, 16).ok();
-    match hash.filter(|_| digits.len() == 8 && !digits.starts_with('+')) {
-        Some(hash) => Ok(hash),
-        None => {
-            let wanted = "the password's hash is wanted, 8 hexadecimal digits such as F4724744";
-            Err(Fault::Configuration(format!("{place}: {wanted}")).into())
-        }
-    }
+fn on_off() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["on", "off"]).map(|text| text == "on")
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -254,25 +199,6 @@ mod tests {
         }
         assert_eq!(positive("1/3").unwrap(), 1.0 / 3.0);
         assert!(positive("1/0").is_err() && positive("-1").is_err() && positive("x").is_err());
-    }
-
-    #[test]
-    fn a_hash_has_eight_digits() {
-        let path = std::env::temp_dir().join(format!("cablepose-hash-{}", std::process::id()));
-        for (text, status) in [
-            ("F4724744\n", 0),
-            ("secret", 78),
-            ("+F472474", 78),
-            ("1234", 78),
-        ] {
-            std::fs::write(&path, text).unwrap();
-            let found = password_hash(Some(&path));
-            let got = found.map_or_else(|error| crate::stream::exit::status(&error), |_| 0);
-            assert_eq!(got, status, "{text}");
-        }
-        std::fs::remove_file(&path).unwrap();
-        let error = password_hash(Some(&path)).unwrap_err();
-        assert_eq!(crate::stream::exit::status(&error), 66);
     }
 
     #[test]

@@ -1,42 +1,24 @@
 //! The live capture of a Hokuyo.
 
-use super::NAME;
-use super::args::Args;
+use super::args::LiveArgs;
+use super::line::{FAREWELL, Line, patience};
 use super::live::{Heard, LineFault, Scanner};
-use crate::hokuyo::client::{self, Client, ClientError, Incoming, Tap};
+use crate::hokuyo::BAUD;
+use crate::hokuyo::client::{self, Client, ClientError, Incoming};
 use crate::hokuyo::scans::{self, Scans};
 use crate::hokuyo::scip::{self, Measurement, Parameters};
-use crate::link::Endpoint;
 use crate::record::Scan;
-use crate::stream::{Fault, Options};
-use crate::tool::ending::Ending;
-use crate::tool::tee::Tee;
-use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// How long a first connection may take, and one after an outage.
-const CONNECT: [Duration; 2] = [Duration::from_secs(3), Duration::from_secs(1)];
-/// How long an answer may take, at first and after an outage.
-const ANSWER: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(1)];
 /// How long the first scan may take: the motor may have to start.
 const FIRST_SCAN: Duration = Duration::from_secs(5);
-/// The line counts as down after so many periods without a scan, but never before this.
-const PERIODS: f64 = 3.0;
-const LEAST_PATIENCE: Duration = Duration::from_millis(500);
-/// How long the device may take to say that it sends no more.
-const FAREWELL: Duration = Duration::from_secs(1);
 
 /// What is kept of the device between connections.
 pub(super) struct Hokuyo {
-    endpoint: Endpoint,
+    line: Line,
     baud: u32,
-    quiet: bool,
-    ending: Rc<Ending>,
-    tee: Rc<RefCell<Tee>>,
     client: Option<Client>,
-    answered: bool,
     /// Whether the device may be measuring though nobody is connected.
     left_on: bool,
     settings: scans::Settings,
@@ -50,22 +32,11 @@ pub(super) struct Hokuyo {
 }
 
 impl Hokuyo {
-    pub(super) fn new(
-        args: &Args,
-        settings: scans::Settings,
-        options: &Options,
-        ending: &Rc<Ending>,
-        tee: &Rc<RefCell<Tee>>,
-    ) -> anyhow::Result<Hokuyo> {
-        let endpoint = args.device.clone();
-        Ok(Hokuyo {
-            endpoint: endpoint.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
-            baud: args.live.baud.unwrap_or(crate::hokuyo::BAUD),
-            quiet: options.quiet,
-            ending: Rc::clone(ending),
-            tee: Rc::clone(tee),
+    pub(super) fn new(line: Line, args: &LiveArgs, settings: scans::Settings) -> Hokuyo {
+        Hokuyo {
+            line,
+            baud: args.baud.unwrap_or(BAUD),
             client: None,
-            answered: false,
             left_on: false,
             settings,
             parameters: Parameters::default(),
@@ -75,28 +46,17 @@ impl Hokuyo {
             scan_end: 0,
             scans_on_line: 0,
             notes: BTreeMap::new(),
-        })
-    }
-
-    fn remark(&self, text: &str) {
-        if !self.quiet {
-            eprintln!("{NAME}: {}: {text}", self.endpoint);
         }
     }
 
-    fn connect(&mut self) -> Result<Client, ClientError> {
-        self.tee.borrow_mut().new_session();
-        let again = usize::from(self.answered);
+    fn connect(&self) -> Result<Client, ClientError> {
         let settings = client::Settings {
             baud: self.baud,
-            connect: CONNECT[again],
-            answer: ANSWER[again],
+            connect: self.line.connect_limit(),
+            answer: self.line.answer_limit(),
         };
-        let tee = Rc::clone(&self.tee);
-        let tap: Tap = Box::new(move |bytes, at| tee.borrow_mut().chunk(bytes, at));
-        let ending = Rc::clone(&self.ending);
-        let interrupted = Box::new(move || ending.reached());
-        Client::connect(&self.endpoint, &settings, Some(tap), Some(interrupted))
+        let (tap, interrupted) = (self.line.tap(), self.line.interrupted());
+        Client::connect(self.line.place(), &settings, Some(tap), Some(interrupted))
     }
 
     /// Asks who the device is; what it does not know is left out.
@@ -123,7 +83,8 @@ impl Hokuyo {
         if let Some(state) = self.notes.get("state")
             && !state.to_ascii_lowercase().contains("well")
         {
-            self.remark(&format!("the scanner says of its state: {state}"));
+            let text = format!("the scanner says of its state: {state}");
+            self.line.remark(&text);
         }
         Ok(())
     }
@@ -133,9 +94,8 @@ impl Hokuyo {
         let readings = match client.read_time() {
             Ok(readings) => readings,
             Err(error @ (ClientError::Refused { .. } | ClientError::Answer { .. })) => {
-                self.remark(&format!(
-                    "{error}; stamps are taken for a sweep before arrival"
-                ));
+                let text = format!("{error}; stamps are taken for a sweep before arrival");
+                self.line.remark(&text);
                 return Ok(());
             }
             Err(error) => return Err(error),
@@ -149,7 +109,7 @@ impl Hokuyo {
                 let bound_ms = format!("{:.3}", offset.bound_ns as f64 * 1e-6);
                 self.notes.insert("clock known to, ms".into(), bound_ms);
             }
-            None => self.remark(
+            None => self.line.remark(
                 "its answers to TM1 contradict each other; stamps are taken for a sweep before \
                  arrival",
             ),
@@ -162,23 +122,18 @@ impl Scanner for Hokuyo {
     fn start(&mut self, _deadline: Instant) -> Result<(), LineFault> {
         self.scans_on_line = 0;
         let mut client = self.connect().map_err(fault)?;
-        let first = !self.answered;
-        self.answered = true;
-        let opened = self.tee.borrow_mut().open();
-        opened.map_err(|error| LineFault::Hopeless(Fault::Io(error.to_string()).into()))?;
+        let first = self.line.note_answer()?;
         let parameters = client.parameters().map_err(fault)?;
         if self.scans.is_none() || parameters != self.parameters {
             self.parameters = parameters.clone();
-            self.scans = Some(Scans::new(parameters, self.settings.clone()));
+            self.scans = Some(Scans::new(parameters, self.settings));
         }
         if first {
             self.ask_notes(&mut client).map_err(fault)?;
         }
         self.ask_time(&mut client).map_err(fault)?;
         self.left_on = true;
-        client
-            .start(&self.parameters, true, self.settings.every)
-            .map_err(fault)?;
+        client.start(&self.parameters).map_err(fault)?;
         self.client = Some(client);
         Ok(())
     }
@@ -234,12 +189,11 @@ impl Scanner for Hokuyo {
         if self.scans_on_line == 0 {
             return FIRST_SCAN;
         }
-        let interval_s = self.parameters.period_s() * f64::from(self.settings.every);
-        Duration::from_secs_f64(PERIODS * interval_s).max(LEAST_PATIENCE)
+        patience(self.parameters.period_s())
     }
 
     fn has_answered(&self) -> bool {
-        self.answered
+        self.line.has_answered()
     }
 
     fn lost(&self) -> u64 {
@@ -262,10 +216,11 @@ impl Scanner for Hokuyo {
         if let Some(mut client) = self.client.take() {
             match client.stop(FAREWELL) {
                 Ok(()) => self.left_on = false,
-                Err(error) => self.remark(&format!("not stopped: {error}")),
+                Err(error) => self.line.remark(&format!("not stopped: {error}")),
             }
         } else if self.left_on {
-            self.remark("the line is down: the scanner may go on measuring, its laser on");
+            let text = "the line is down: the scanner may go on measuring, its laser on";
+            self.line.remark(text);
         }
     }
 
@@ -300,8 +255,6 @@ fn fault(error: ClientError) -> LineFault {
         ClientError::Link(_) | ClientError::Silent { .. } | ClientError::Answer { .. } => {
             LineFault::Down(error.to_string())
         }
-        ClientError::Refused { .. } => {
-            LineFault::Hopeless(Fault::Unavailable(error.to_string()).into())
-        }
+        ClientError::Refused { .. } => LineFault::Refused(error.to_string()),
     }
 }

@@ -1,10 +1,11 @@
 //! `scan-capture info` and `scan-capture list`: what is there.
 
 use super::NAME;
+use crate::link::Endpoint;
 use crate::link::baud::{MAX_ERROR, Realised};
-use crate::link::{Endpoint, ports};
 use crate::sick::client::{Client, Settings, facts};
 use crate::stream::{Fault, Outcome};
+use crate::tool::ports;
 use std::io::Write;
 
 /// Say what a scanner is, how it feels and how it is set
@@ -31,7 +32,7 @@ pub struct InfoArgs {
 /// List the serial ports; say what a converter's clock makes of a speed
 #[derive(Clone, Debug, clap::Args)]
 #[command(
-    long_about = "Lists the serial ports with their adapters' USB numbers. With --baud and --crystal it \
+    long_about = "Lists the serial ports with their adapters' USB numbers and latency timers. With --baud and --crystal it \
 says instead which speed a converter's UART makes of a crystal (crystal / 32 over a whole divider; \
 Kurniawan 2017, eq. 2.1 and 2.2) and whether its error is within the 2 % that practice allows.",
     after_long_help = "EXAMPLES\n  The speed that a converter with a 16 MHz crystal really has\n    \
@@ -67,18 +68,13 @@ pub(super) fn info(args: &InfoArgs) -> anyhow::Result<Outcome> {
     }
     let width = facts.iter().map(|fact| fact.key.len()).max().unwrap_or(0);
     for fact in facts {
-        let value = match &fact.value {
-            serde_json::Value::String(text) => text.clone(),
-            other => other.to_string(),
-        };
-        writeln!(out, "{:width$}  {value}", fact.key)?;
+        writeln!(out, "{:width$}  {}", fact.key, fact.text())?;
     }
     Ok(Outcome::Done)
 }
 
 /// Prints the serial ports, or what a crystal makes of a speed.
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<Outcome> {
-    let mut out = std::io::stdout().lock();
     if let (Some(baud), Some(crystal_hz)) = (args.baud, args.crystal) {
         let Some(realised) = Realised::new(crystal_hz, baud) else {
             let text = format!("a crystal of {crystal_hz} Hz is too slow for {baud} baud");
@@ -89,7 +85,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<Outcome> {
             false => "does not fit",
         };
         writeln!(
-            out,
+            std::io::stdout(),
             "{baud} baud from {} MHz: divider {}, {:.0} baud, error {:.4} %: {verdict} (at most {} %)",
             crystal_hz / 1e6,
             realised.divider,
@@ -99,14 +95,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<Outcome> {
         )?;
         return Ok(Outcome::Done);
     }
-    let ports = ports().map_err(Fault::Unavailable)?;
-    for port in &ports {
-        writeln!(out, "{}\t{}", port.path, port.adapter)?;
-    }
-    if ports.is_empty() {
-        eprintln!("{NAME}: no serial ports");
-    }
-    Ok(Outcome::Done)
+    ports::list(NAME)
 }
 
 fn parse_frequency(text: &str) -> Result<f64, String> {

@@ -6,7 +6,7 @@
 
 use super::NAME;
 use super::args::{Args, DeviceKind};
-use crate::link::{Backoff, Endpoint};
+use crate::link::{Backoff, Endpoint, RecordingError};
 use crate::record::Scan;
 use crate::stream::{Fault, Options, Outcome, Output, Place, WindowState};
 use crate::tool::ending::Ending;
@@ -32,7 +32,9 @@ const FOR_EVER: Duration = Duration::from_secs(100 * 366 * 86_400);
 pub(super) enum LineFault {
     /// The next attempt may have more luck.
     Down(String),
-    /// No attempt will.
+    /// The device says no. One that has given scans before will again: it is busy, or starts.
+    Refused(String),
+    /// No attempt will have more luck.
     Hopeless(anyhow::Error),
     /// The capture is to end.
     Ended,
@@ -89,15 +91,14 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    pub(super) fn of(args: &Args) -> anyhow::Result<Settings> {
-        let device = args.device.clone();
-        Ok(Settings {
-            device: device.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
+    pub(super) fn new(device: Endpoint, args: &Args) -> Settings {
+        Settings {
+            device,
             kind: args.live.kind,
             n_scans: args.n_scans,
             span: args.live.span,
             wait: args.live.wait.map(|wait| wait.min(FOR_EVER)),
-        })
+        }
     }
 }
 
@@ -202,7 +203,10 @@ impl<S: Scanner> Capture<'_, S> {
                 // The line stays open, for the farewell.
                 None | Some(LineFault::Ended) => return Ok(()),
                 Some(LineFault::Hopeless(error)) => return Err(error),
-                Some(LineFault::Down(reason)) => {
+                Some(LineFault::Refused(reason)) if self.scans == 0 => {
+                    return Err(Fault::Unavailable(reason).into());
+                }
+                Some(LineFault::Down(reason) | LineFault::Refused(reason)) => {
                     self.scanner.hang_up();
                     self.down(&reason, began, &mut outage, &mut said)?;
                 }
@@ -394,10 +398,7 @@ impl<S: Scanner> Capture<'_, S> {
         });
     }
 
-    fn finish(
-        mut self,
-        recorded: Result<(), crate::link::RecordingError>,
-    ) -> anyhow::Result<Outcome> {
+    fn finish(mut self, recorded: Result<(), RecordingError>) -> anyhow::Result<Outcome> {
         self.tell_losses(true);
         if let Some(output) = self.output.take() {
             self.ending.check(output.records())?;

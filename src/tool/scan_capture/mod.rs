@@ -3,8 +3,8 @@
 //! - `args` the command line
 //! - `live` what every scanner's capture has in common: time limits, outages, signals, the end; a
 //!   `live::Scanner` speaks to one kind of device
-//! - `sick` the one that speaks to a SICK scanner
-//! - `hokuyo` the one that speaks to a Hokuyo
+//! - `line` what every scanner's line has: its recording, time limits, remarks
+//! - `sick` the scanner that is a SICK, `hokuyo` the one that is a Hokuyo
 //! - `configure` what it is to be set to; `info` what it tells of itself, and the serial ports
 //! - `replay` recordings
 //! - `angle_jitter` the model of a motor's jitter, read and learned
@@ -14,19 +14,21 @@ mod args;
 mod configure;
 mod hokuyo;
 mod info;
+mod line;
 mod live;
 mod replay;
 mod sick;
 
 pub use args::Args;
 
-use args::AngleJitterArg;
-
 use crate::frame::Frame;
+use crate::hokuyo::scans;
 use crate::sick::replay::Settings;
-use crate::stream::{Outcome, Stop};
+use crate::stream::{Fault, Outcome, Stop};
 use crate::tool::ending::Ending;
 use crate::tool::tee::Tee;
+use args::AngleJitterArg;
+use line::Line;
 use std::path::Path;
 
 /// The tool's name.
@@ -60,23 +62,25 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if !args.replay.is_empty() {
         return replay::run(&args, options, settings);
     }
-    let stop = Stop::install()?;
-    let capture = live::Settings::of(&args)?;
-    let ending = Ending::new(stop, &options);
+    let Some(device) = args.device.clone() else {
+        return Err(Fault::Usage("DEVICE is missing".into()).into());
+    };
+    let ending = Ending::new(Stop::install()?, &options);
     let rotation = args.tee_rotate.unwrap_or_default();
     let tee = Tee::new(NAME, args.tee.as_deref(), rotation);
+    let line = Line::new(device.clone(), &options, &ending, &tee);
+    let capture = live::Settings::new(device, &args);
     match args.live.kind {
         args::DeviceKind::Sick => {
-            let scanner = sick::Sick::new(&args, plan, settings, &options, &ending, &tee)?;
+            let scanner = sick::Sick::new(line, &args.live, plan, settings);
             live::run(scanner, &capture, options, &ending, &tee)
         }
         args::DeviceKind::Hokuyo => {
-            let settings = crate::hokuyo::scans::Settings {
+            let settings = scans::Settings {
                 index_to_first_beam_s: settings.index_to_first_beam_s,
                 range_min_m: settings.range_min_m,
-                every: 1,
             };
-            let scanner = hokuyo::Hokuyo::new(&args, settings, &options, &ending, &tee)?;
+            let scanner = hokuyo::Hokuyo::new(line, &args.live, settings);
             live::run(scanner, &capture, options, &ending, &tee)
         }
     }

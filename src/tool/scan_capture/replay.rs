@@ -2,16 +2,17 @@
 
 use super::NAME;
 use super::args::Args;
-use crate::link::{Arrivals, times_beside};
+use crate::link::Arrivals;
 use crate::record::Scan;
 use crate::sick::cola::{Event, Framer, Skipped, Telegram};
 use crate::sick::replay::{Replay, Settings};
 use crate::sick::scan;
 use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Bytes, Fault, Options, Outcome, Output, Place, Stop, WindowState};
+use crate::tool::recording::Times;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// Bytes read at a time.
@@ -19,11 +20,7 @@ const CHUNK: usize = 1 << 16;
 
 /// Decodes the recordings, one after the other.
 pub(super) fn run(args: &Args, options: Options, settings: Settings) -> anyhow::Result<Outcome> {
-    let several = args.replay.len() > 1;
-    if several && args.replay.iter().any(|path| path == Path::new("-")) {
-        let text = "--replay -: stdin is one recording, and others are named as well";
-        return Err(Fault::Usage(text.into()).into());
-    }
+    let times = Times::new(&args.replay, args.times.as_deref(), args.no_times)?;
     let like = widest_scan(&args.replay);
     let mut decoding = Decoding {
         name: String::new(),
@@ -45,10 +42,7 @@ pub(super) fn run(args: &Args, options: Options, settings: Settings) -> anyhow::
     let stop = Stop::install()?;
     let mut framer = Framer::new();
     for recording in &args.replay {
-        let arrivals = match args.no_times {
-            true => None,
-            false => find_arrivals(recording, args.times.as_deref())?,
-        };
+        let arrivals = times.read(recording)?;
         let goes_on = match (&decoding.arrivals, &arrivals) {
             (Some(before), Some(arrivals)) => arrivals.continues(before),
             _ => true,
@@ -72,53 +66,53 @@ pub(super) fn run(args: &Args, options: Options, settings: Settings) -> anyhow::
     decoding.finish(&framer)
 }
 
-/// The arrival times asked for, or those beside the recording if there are any.
-fn find_arrivals(recording: &Path, asked: Option<&Path>) -> anyhow::Result<Option<Arrivals>> {
-    let beside = times_beside(recording);
-    let path = match asked {
-        Some(path) => path,
-        None if recording != Path::new("-") && beside.is_file() => &beside,
-        None => return Ok(None),
-    };
-    let file =
-        File::open(path).map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
-    let arrivals = Arrivals::read(file)
-        .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
-    Ok(Some(arrivals))
-}
-
 /// A scan that has a value in every column in which one of the recording's scans has, so that
 /// scans of several devices fit one CSV; none for a stream, which cannot be read twice, where the
 /// first scan decides.
 fn widest_scan(recordings: &[PathBuf]) -> Option<Scan> {
-    let mut framer = Framer::new();
-    let mut telegram = LmdScandata::default();
     let mut replay = Replay::new(Settings::default());
-    let mut like = None;
-    let mut chunk = vec![0; CHUNK];
+    let mut framer = Framer::new();
+    let mut widest = None;
     for recording in recordings {
-        let mut file = File::open(recording).ok()?;
+        let file = File::open(recording).ok()?;
         if recording == Path::new("-") || !file.metadata().ok()?.is_file() {
             return None;
         }
-        loop {
-            let length = file.read(&mut chunk).ok()?;
-            framer.feed(chunk.get(..length)?);
-            while let Some(event) = framer.next() {
-                if let Event::Telegram(found) = event
-                    && scandata::is_scan(&found)
-                    && telegram.parse(&found).is_ok()
-                    && let Ok(Some(scan)) = replay.push(&telegram, None)
-                {
-                    scan::widen(like.get_or_insert_with(|| scan.clone()), scan);
-                }
-            }
-            if length == 0 {
-                break;
+        let widen = |scan: &Scan| {
+            scan::widen(widest.get_or_insert_with(|| scan.clone()), scan);
+            true
+        };
+        each_scan(file, &mut framer, &mut replay, widen).ok()?;
+    }
+    widest
+}
+
+/// Hands over the scans of a recording, its bad pieces passed over, until `take` has had enough.
+pub(super) fn each_scan(
+    mut bytes: impl Read,
+    framer: &mut Framer,
+    replay: &mut Replay,
+    mut take: impl FnMut(&Scan) -> bool,
+) -> io::Result<()> {
+    let mut telegram = LmdScandata::default();
+    let mut chunk = vec![0; CHUNK];
+    loop {
+        let length = bytes.read(&mut chunk)?;
+        if length == 0 {
+            return Ok(());
+        }
+        framer.feed(chunk.get(..length).unwrap_or_default());
+        while let Some(event) = framer.next() {
+            if let Event::Telegram(found) = event
+                && scandata::is_scan(&found)
+                && telegram.parse(&found).is_ok()
+                && let Ok(Some(scan)) = replay.push(&telegram, None)
+                && !take(scan)
+            {
+                return Ok(());
             }
         }
     }
-    like
 }
 
 /// A recording on its way to records.

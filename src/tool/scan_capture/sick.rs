@@ -1,57 +1,38 @@
 //! The live capture of a SICK scanner.
 
-use super::NAME;
-use super::args::Args;
+use super::args::LiveArgs;
 use super::configure::Plan;
+use super::line::{FAREWELL, Line, patience};
 use super::live::{Heard, LineFault, Scanner};
-use crate::link::{Endpoint, LinkError};
+use crate::link::HostInstant;
 use crate::record::Scan;
 use crate::sick::client::commands::{self, Contamination, DeviceStatus};
 use crate::sick::client::configure::{ConfigureError, Present};
-use crate::sick::client::load;
-use crate::sick::client::{self, Client, ClientError, Incoming, Reply, Request, Tap};
+use crate::sick::client::{self, Client, ClientError, Incoming, Reply, fact, load};
 use crate::sick::cola::Telegram;
 use crate::sick::replay::{self, Replay};
-use crate::sick::scandata::{self, FieldError, LmdScandata};
-use crate::stream::{Fault, Options};
-use crate::tool::ending::Ending;
-use crate::tool::tee::Tee;
-use std::cell::RefCell;
+use crate::sick::scandata::{self, LmdScandata};
+use crate::stream::Fault;
 use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// How long a first connection may take, and one after an outage.
-const CONNECT: [Duration; 2] = [Duration::from_secs(3), Duration::from_secs(1)];
-/// How long an answer may take, at first and after an outage.
-const ANSWER: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(1)];
 /// How long the first scan may take once the device says that it measures.
 const FIRST_SCAN: Duration = Duration::from_secs(10);
 /// How long a device that has been set may take until it measures and sends; the listing says 30 s.
 const SETTLED: Duration = Duration::from_secs(40);
 /// Between two questions whether the device is ready.
 const ASK_EVERY: Duration = Duration::from_millis(200);
-/// The line counts as down after so many periods without a scan.
-const PERIODS: f64 = 3.0;
-/// It never does before this: a busy host and a repeated packet are no outage.
-const LEAST_PATIENCE: Duration = Duration::from_millis(500);
-/// How long the device may take to say that it sends no more.
-const FAREWELL: Duration = Duration::from_secs(1);
 /// A scanner drifts for so long after power-on (Lee and Ehsani 2008, on an LMS200).
 const WARM_AFTER: Duration = Duration::from_secs(53 * 60);
 
 /// What is kept of the device between connections.
 pub(super) struct Sick {
-    endpoint: Endpoint,
+    line: Line,
     baud: u32,
     /// Requests a second; 0 is one a scan.
     poll: Option<f64>,
     plan: Option<Plan>,
-    quiet: bool,
-    ending: Rc<Ending>,
-    tee: Rc<RefCell<Tee>>,
     client: Option<Client>,
-    answered: bool,
     replay: Replay,
     telegram: LmdScandata,
     scan_end: u64,
@@ -76,24 +57,17 @@ pub(super) struct Sick {
 
 impl Sick {
     pub(super) fn new(
-        args: &Args,
+        line: Line,
+        args: &LiveArgs,
         plan: Option<Plan>,
         settings: replay::Settings,
-        options: &Options,
-        ending: &Rc<Ending>,
-        tee: &Rc<RefCell<Tee>>,
-    ) -> anyhow::Result<Sick> {
-        let endpoint = args.device.clone();
-        Ok(Sick {
-            endpoint: endpoint.ok_or_else(|| Fault::Usage("DEVICE is missing".into()))?,
-            baud: args.live.baud.unwrap_or(client::Settings::default().baud),
-            poll: args.live.poll,
+    ) -> Sick {
+        Sick {
+            line,
+            baud: args.baud.unwrap_or(client::Settings::default().baud),
+            poll: args.poll,
             plan,
-            quiet: options.quiet,
-            ending: Rc::clone(ending),
-            tee: Rc::clone(tee),
             client: None,
-            answered: false,
             replay: Replay::new(settings),
             telegram: LmdScandata::default(),
             scan_end: 0,
@@ -110,29 +84,18 @@ impl Sick {
             overloaded: false,
             set_now: false,
             said_state: None,
-        })
-    }
-
-    fn remark(&self, text: &str) {
-        if !self.quiet {
-            eprintln!("{NAME}: {}: {text}", self.endpoint);
         }
     }
 
-    fn connect(&mut self) -> Result<Client, ClientError> {
-        self.tee.borrow_mut().new_session();
-        let again = usize::from(self.answered);
+    fn connect(&self) -> Result<Client, ClientError> {
         let settings = client::Settings {
             baud: self.baud,
-            connect: CONNECT[again],
-            answer: ANSWER[again],
+            connect: self.line.connect_limit(),
+            answer: self.line.answer_limit(),
             dialect: None,
         };
-        let tee = Rc::clone(&self.tee);
-        let tap: Tap = Box::new(move |bytes, at| tee.borrow_mut().chunk(bytes, at));
-        let ending = Rc::clone(&self.ending);
-        let interrupted = Box::new(move || ending.reached());
-        Client::connect(&self.endpoint, &settings, Some(tap), Some(interrupted))
+        let (tap, interrupted) = (self.line.tap(), self.line.interrupted());
+        Client::connect(self.line.place(), &settings, Some(tap), Some(interrupted))
     }
 
     /// Waits until the device measures, or until it could; whether it does.
@@ -145,14 +108,14 @@ impl Sick {
         loop {
             let status = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse);
             let Some(status) = status.map_err(fault)? else {
-                return Ok(true); // a device that does not know the question
+                return Ok(true); // a device that does not know the question, or answers otherwise
             };
             if self.uptime.is_none() {
-                self.uptime = uptime_by_unset_clock(&status);
+                self.uptime = status.uptime();
             }
             if status.state == DeviceStatus::MEASURING {
                 if self.said_state.take().is_some() {
-                    self.remark("the scanner measures");
+                    self.line.remark("the scanner measures");
                 }
                 return Ok(true);
             }
@@ -169,7 +132,7 @@ impl Sick {
                 };
                 let text = format!(
                     "{}: the scanner does not measure: it is {} (STlms {}). {advice}",
-                    self.endpoint,
+                    self.line.place(),
                     status.words(),
                     status.state
                 );
@@ -177,14 +140,14 @@ impl Sick {
             }
             if self.said_state != Some(status.state) {
                 self.said_state = Some(status.state);
-                self.remark(&format!(
+                self.line.remark(&format!(
                     "waiting for the scanner to measure: it is {} (STlms {})",
                     status.words(),
                     status.state
                 ));
             }
-            self.ending.sleep(ASK_EVERY);
-            if self.ending.reached() {
+            self.line.ending().sleep(ASK_EVERY);
+            if self.line.ending().reached() {
                 return Err(LineFault::Ended);
             }
         }
@@ -195,28 +158,26 @@ impl Sick {
         let Some(plan) = self.plan.clone() else {
             return Ok(());
         };
-        let mut remark = |text: &str| self.remark(text);
+        let mut remark = |text: &str| self.line.remark(text);
         let set = plan.wanted.apply(client, plan.hash, measuring, &mut remark);
-        match set {
+        let reason = match set {
             Ok(set) => {
                 self.set_now = set;
                 // Saving once is enough: the EEPROM wears out.
                 if let Some(plan) = &mut self.plan {
                     plan.wanted.save = false;
                 }
-                Ok(())
+                return Ok(());
             }
-            Err(ConfigureError::Client(error)) => Err(match fault(error) {
-                LineFault::Hopeless(error) => {
-                    LineFault::Hopeless(error.context(self.endpoint.to_string()))
-                }
-                other => other,
-            }),
-            Err(error @ ConfigureError::ReadBack(_)) => {
-                let text = format!("{}: {error}", self.endpoint);
-                Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
-            }
-        }
+            Err(error @ ConfigureError::ReadBack(_)) => error.to_string(),
+            Err(ConfigureError::Client(error)) => match fault(error) {
+                LineFault::Refused(reason) => reason,
+                other => return Err(other),
+            },
+        };
+        // Scans that are made otherwise than was asked for are not wanted.
+        let text = format!("{}: {reason}", self.line.place());
+        Err(LineFault::Hopeless(Fault::Unavailable(text).into()))
     }
 
     /// Asks how often scans come, for the time limits, and whether a serial line carries them.
@@ -234,7 +195,7 @@ impl Sick {
         if let Some(text) = load::overload(dialect, self.baud, &present)
             && !self.overloaded
         {
-            self.remark(&text);
+            self.line.remark(&text);
             self.overloaded = true;
         }
         Ok(())
@@ -242,51 +203,30 @@ impl Sick {
 
     /// Asks who the device is and how it feels.
     fn ask_notes(&mut self, client: &mut Client) -> Result<(), ClientError> {
-        let mut note = |key: &str, text: Option<String>| {
-            if let Some(text) = text {
-                self.notes.insert(key.to_owned(), text);
-            }
-        };
-        note("place", Some(client.place().to_owned()));
-        note("dialect", Some(format!("{:?}", client.dialect())));
-        let first_text: fn(&Reply) -> Result<String, FieldError> =
-            |reply| reply.values().text("text");
-        for (key, name) in [
-            ("firmware", "FirmwareVersion"),
-            ("serial number", "SerialNumber"),
-            ("location", "LocationName"),
+        let mut note = |name: &str, text: String| self.notes.insert(name.to_owned(), text);
+        note("place", client.place().to_owned());
+        note("dialect", format!("{:?}", client.dialect()));
+        for (name, key) in [
+            ("device", "device"),
+            ("firmware", "firmware"),
+            ("serial number", "serial_number"),
+            ("location", "location"),
+            ("operating hours", "operating_h"),
         ] {
-            note(
-                key,
-                known(client.ask_if_known(&Request::read(name), first_text))?,
-            );
+            if let Some(fact) = fact(client, key)? {
+                note(name, fact.text());
+            }
         }
-        let ident: fn(&Reply) -> Result<String, FieldError> = |reply| {
-            let mut values = reply.values();
-            Ok([values.text("name")?, values.text("version")?].join(" "))
-        };
-        note(
-            "device",
-            known(client.ask_if_known(&Request::read("DeviceIdent"), ident))?,
-        );
-        let tenths: fn(&Reply) -> Result<u32, FieldError> =
-            |reply| reply.values().u32("operating hours");
-        let hours = known(client.ask_if_known(&Request::read("ODoprh"), tenths))?;
-        note(
-            "operating hours",
-            hours.map(|tenths| format!("{}.{}", tenths / 10, tenths % 10)),
-        );
-        let contamination =
-            known(client.ask_if_known(&Contamination::request(), Contamination::parse))?;
-        note(
-            "contamination",
-            contamination.map(|state| state.to_string()),
-        );
         if let Some(uptime) = self.uptime {
-            note("seconds since power-on", Some(uptime.as_secs().to_string()));
+            note("seconds since power-on", uptime.as_secs().to_string());
         }
-        if let Some(state) = contamination.filter(|state| state.0 != 0) {
-            self.remark(&format!("{state}: clean the front screen"));
+        let contamination = client.ask_if_known(&Contamination::request(), Contamination::parse)?;
+        if let Some(state) = contamination {
+            note("contamination", state.to_string());
+            if state.0 != 0 {
+                self.line
+                    .remark(&format!("{state}: clean the front screen"));
+            }
         }
         Ok(())
     }
@@ -308,7 +248,7 @@ impl Sick {
                 true => "",
                 false => " (by a counter that begins anew every 71.6 min)",
             };
-            self.remark(&format!(
+            self.line.remark(&format!(
                 "on for {minutes} min{doubt}: its distances drift until about 53 min after \
                  power-on"
             ));
@@ -320,7 +260,7 @@ impl Sick {
         replay: &mut Replay,
         parsed: &mut LmdScandata,
         telegram: &Telegram,
-        at: crate::link::HostInstant,
+        at: HostInstant,
     ) -> Result<bool, String> {
         let bad = |text: String| format!("a scan that makes no sense was skipped: {text}");
         parsed
@@ -384,10 +324,7 @@ impl Scanner for Sick {
         self.scans_on_line = 0;
         self.replay.new_connection();
         let mut client = self.connect().map_err(fault)?;
-        let first = !self.answered;
-        self.answered = true;
-        let opened = self.tee.borrow_mut().open();
-        opened.map_err(|error| LineFault::Hopeless(Fault::Io(error.to_string()).into()))?;
+        let first = self.line.note_answer()?;
         self.set_now = false;
         let starts = self.plan.as_ref().is_some_and(|plan| plan.wanted.start);
         let measuring = self.await_measuring(&mut client, deadline, starts)?;
@@ -483,11 +420,11 @@ impl Scanner for Sick {
         if self.scans_on_line == 0 {
             return if self.set_now { SETTLED } else { FIRST_SCAN };
         }
-        Duration::from_secs_f64(PERIODS * self.scan_s()).max(LEAST_PATIENCE)
+        patience(self.scan_s())
     }
 
     fn has_answered(&self) -> bool {
-        self.answered
+        self.line.has_answered()
     }
 
     fn lost(&self) -> u64 {
@@ -548,66 +485,16 @@ impl Scanner for Sick {
     }
 }
 
-/// An answer that makes no sense is as good as none: it only serves to know the device better.
-fn known<T>(answer: Result<Option<T>, ClientError>) -> Result<Option<T>, ClientError> {
-    match answer {
-        Err(ClientError::Answer { .. }) => Ok(None),
-        other => other,
-    }
-}
-
-/// Time since power-on, where nobody has set the clock: it begins at 1970-01-01.
-fn uptime_by_unset_clock(status: &DeviceStatus) -> Option<Duration> {
-    let days = match status.date.split('.').collect::<Vec<_>>()[..] {
-        [day, "01", "1970" | "70"] => day.parse::<u64>().ok()?.checked_sub(1)?,
-        _ => return None,
-    };
-    let parts: Option<Vec<u64>> = status
-        .time
-        .split(':')
-        .map(|part| part.parse().ok())
-        .collect();
-    match parts?[..] {
-        [hours, minutes, seconds] if hours < 24 && minutes < 60 && seconds < 61 => Some(
-            Duration::from_secs(((days * 24 + hours) * 60 + minutes) * 60 + seconds),
-        ),
-        _ => None,
-    }
-}
-
 /// Which faults another attempt may mend.
 fn fault(error: ClientError) -> LineFault {
     match error {
         ClientError::Interrupted => LineFault::Ended,
-        ClientError::Link(LinkError::Open { .. })
-        | ClientError::Link(_)
+        ClientError::Link(_)
         | ClientError::NoDialect { .. }
         | ClientError::Answer { .. }
         | ClientError::Silent { .. } => LineFault::Down(error.to_string()),
         ClientError::Refused { .. } | ClientError::Failed { .. } => {
-            LineFault::Hopeless(Fault::Unavailable(error.to_string()).into())
+            LineFault::Refused(error.to_string())
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_unset_clock_tells_the_time_since_power_on() {
-        let status = |date: &str, time: &str| DeviceStatus {
-            state: 7,
-            too_hot_or_cold: false,
-            time: time.to_owned(),
-            date: date.to_owned(),
-        };
-        let uptime = |date, time| uptime_by_unset_clock(&status(date, time)).map(|up| up.as_secs());
-        assert_eq!(uptime("01.01.1970", "00:34:19"), Some(34 * 60 + 19));
-        assert_eq!(uptime("03.01.1970", "01:00:00"), Some(49 * 3600));
-        assert_eq!(uptime("17.03.2030", "16:36:54"), None);
-        assert_eq!(uptime("00.01.1970", "00:00:00"), None);
-        assert_eq!(uptime("", ""), None);
-        assert_eq!(uptime("01.01.1970", "1:2"), None);
     }
 }

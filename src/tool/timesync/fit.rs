@@ -137,6 +137,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Events that are told beside an error.
+const EVENTS_TOLD: usize = 3;
+
 /// Fits every session that is long enough, the longest first.
 pub(super) fn fitted<'a>(
     log: &'a Log,
@@ -159,7 +162,10 @@ pub(super) fn fitted<'a>(
             found: 0,
             needed: LEAST_EXCHANGES,
         });
-        return Err(Fault::BadData(error.to_string()).into());
+        // What the clocks did may be the reason.
+        let events = log.events.iter().take(EVENTS_TOLD).map(event_words);
+        let text: Vec<String> = [error.to_string()].into_iter().chain(events).collect();
+        return Err(Fault::BadData(text.join("; ")).into());
     }
     Ok(fits)
 }

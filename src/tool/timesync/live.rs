@@ -4,11 +4,11 @@ use super::TOOL;
 use crate::clock::{Tick, TickUnwrapper};
 use crate::link::{Backoff, Endpoint};
 use crate::record::{ClockExchange, Stamp};
-use crate::sick::client::commands::UserLevel;
 use crate::sick::client::{Client, ClientError, Reply, Settings};
 use crate::sick::cola::Dialect;
 use crate::sick::scandata::{self, LmdScandata};
 use crate::stream::{Fault, Stop};
+use crate::tool::password;
 use crate::tool::values::parse_duration;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -68,25 +68,7 @@ pub(super) struct LoginArgs {
 impl LoginArgs {
     /// The hash to log in with.
     pub fn hash(&self) -> Result<u32, Fault> {
-        let (text, source) = match &self.password_file {
-            Some(path) => {
-                let name = path.display().to_string();
-                let text = std::fs::read_to_string(path)
-                    .map_err(|error| Fault::NoInput(format!("{name}: {error}")))?;
-                (text, name)
-            }
-            None => match std::env::var("CABLEPOSE_PASSWORD") {
-                Ok(text) => (text, "CABLEPOSE_PASSWORD".to_owned()),
-                Err(_) => return Ok(UserLevel::AuthorisedClient.default_hash()),
-            },
-        };
-        let digits = text.trim();
-        let hash = u32::from_str_radix(digits, 16).ok();
-        hash.filter(|_| digits.len() == 8).ok_or_else(|| {
-            Fault::Configuration(format!(
-                "{source}: 8 hexadecimal digits are wanted, the hash of the password"
-            ))
-        })
+        password::hash(self.password_file.as_deref())
     }
 }
 

@@ -1,7 +1,7 @@
 //! timesync ntp: a scanner as client of a time server.
 
 use super::live::{self, DeviceArgs, LoginArgs, fault};
-use crate::sick::client::commands::{self, UserLevel};
+use crate::sick::client::commands;
 use crate::sick::client::{Client, Request, Value, Values};
 use crate::sick::scandata::FieldError;
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
@@ -94,9 +94,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut client = live::connect(&args.device, &stop)?;
     let writes = writes(args);
     if !writes.is_empty() {
-        client
-            .log_in(UserLevel::AuthorisedClient, hash)
-            .map_err(fault)?;
+        client.log_in(hash).map_err(fault)?;
         let mut write = || {
             for request in &writes {
                 client.request(request).map_err(fault)?;

@@ -5,7 +5,7 @@ use super::live::{self, DeviceArgs, LoginArgs, PaceArgs, Poller, Which, fault};
 use crate::clock::{ClockFit, FitSettings, Log, Verdict, fit};
 use crate::link::HostInstant;
 use crate::record::Stamp;
-use crate::sick::client::commands::{ScanContents, UserLevel};
+use crate::sick::client::commands::ScanContents;
 use crate::sick::client::{Client, ClientError};
 use crate::sick::scandata::Calendar;
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
@@ -130,9 +130,7 @@ fn words(report: &Report) -> String {
 }
 
 fn log_in(client: &mut Client, hash: u32) -> anyhow::Result<()> {
-    client
-        .log_in(UserLevel::AuthorisedClient, hash)
-        .map_err(fault)
+    client.log_in(hash).map_err(fault)
 }
 
 /// Both settings and what is seen after them; none where it was interrupted.
@@ -319,7 +317,7 @@ fn restore(
     if contents.time || args.keep_time_block {
         return client.run();
     }
-    client.log_in(UserLevel::AuthorisedClient, hash)?;
+    client.log_in(hash)?;
     client.request(&contents.set())?;
     client.run()
 }

@@ -1,6 +1,7 @@
 //! The device as its clients see it, without lines and with a source that is known to the digit.
 
 use super::*;
+use crate::frame::ScannerModel;
 use crate::link::emulation::Message;
 use crate::record::{Ranges, Scan};
 use crate::sick::cola::{Telegram, frame, xor};
