@@ -41,6 +41,21 @@ demo: build
 		| report --truth $(DEMO)/truth.csv --html $(DEMO)/report.html -
 	echo "look at $(DEMO)/report.html; scans.csv, lines.csv, poses.csv and truth.csv are beside it"
 
+## pictures: draws docs/frame.svg and docs/scan.svg, which the README shows, anew
+PICTURES := $(TARGET)/pictures
+.PHONY: pictures
+pictures: build
+	@mkdir -p $(PICTURES)
+	export PATH="$(abspath $(TARGET))/release:$$PATH"
+	simulate -q -f $(FRAME) --effects reference --trajectory random --n-scans 4 --imu $(PICTURES)/imu.csv -o $(PICTURES)/scans.csv
+	extract-lines -q -f $(FRAME) -o $(PICTURES)/lines.csv $(PICTURES)/scans.csv
+	solve-pose -q -f $(FRAME) --imu $(PICTURES)/imu.csv -o $(PICTURES)/poses.csv $(PICTURES)/lines.csv
+	report frame --svg $(PICTURES) -o $(PICTURES)/frame.txt $(FRAME)
+	report scan --lines $(PICTURES)/lines.csv -f $(FRAME) --poses $(PICTURES)/poses.csv --svg $(PICTURES) \
+		-o $(PICTURES)/scan.txt $(PICTURES)/scans.csv
+	cp $(PICTURES)/front.svg docs/frame.svg
+	cp $(PICTURES)/scan.svg docs/scan.svg
+
 ## test: every test
 .PHONY: test
 test:

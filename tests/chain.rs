@@ -186,53 +186,28 @@ fn a_reader_that_leaves_ends_the_chain_quietly() {
     assert_eq!(ended.stderr, "");
 }
 
-/// Compares a CSV with a golden file, numbers within a tolerance; `SNAPSHOTS=overwrite` (`make
-/// golden`) writes it.
+/// Compares a CSV in `dir` with the golden file of its name, numbers within 1e-9; `SNAPSHOTS=overwrite`
+/// (`make golden`) writes it.
 ///
 /// Only a tolerance is the same on every machine: sines and cosines come from the system.
 #[track_caller]
-fn assert_golden(actual: &str, name: &str, tolerance: f64) {
-    let path = testdata("golden").join(name);
+fn assert_golden(dir: &Path, name: &str) {
+    let golden = testdata("golden").join(name);
     if std::env::var("SNAPSHOTS").is_ok_and(|how| how == "overwrite") {
-        std::fs::write(&path, actual).unwrap();
+        std::fs::copy(dir.join(name), &golden).unwrap();
     }
-    let golden = std::fs::read_to_string(&path).unwrap();
-    assert_eq!(
-        golden.lines().count(),
-        actual.lines().count(),
-        "{name}: rows"
-    );
-    for (row, (wanted, got)) in golden.lines().zip(actual.lines()).enumerate() {
-        let fields = |line: &str| {
-            line.split([',', ' '])
-                .map(str::to_owned)
-                .collect::<Vec<_>>()
-        };
-        let (wanted, got) = (fields(wanted), fields(got));
-        assert_eq!(wanted.len(), got.len(), "{name}:{}", row + 1);
-        for (wanted, got) in wanted.iter().zip(&got) {
-            let same = wanted == got
-                || match (wanted.parse::<f64>(), got.parse::<f64>()) {
-                    (Ok(a), Ok(b)) => (a - b).abs() <= tolerance,
-                    _ => false,
-                };
-            assert!(same, "{name}:{}: {wanted} {got}", row + 1);
-        }
-    }
+    let diff = format!("report diff --tol '*=1e-9' {} {name}", golden.display());
+    let ended = sh(dir, &diff);
+    assert_eq!(ended.status, 0, "{}{}", ended.text(), ended.stderr);
 }
 
 #[test]
 fn golden_lines_and_poses() {
     let dir = scratch("chain-golden");
-    let scans = sh(
-        &dir,
-        "simulate -f frame.toml --n-scans 4 --effects reference,mixed",
-    )
-    .expect(0);
-    std::fs::write(dir.join("scans.csv"), &scans.stdout).unwrap();
-    let lines = sh(&dir, "extract-lines -f frame.toml scans.csv").expect(0);
-    std::fs::write(dir.join("lines.csv"), &lines.stdout).unwrap();
-    let poses = sh(&dir, "solve-pose -f frame.toml --pitch-deg 0 lines.csv").expect(0);
-    assert_golden(lines.text(), "lines.csv", 1e-9);
-    assert_golden(poses.text(), "poses.csv", 1e-9);
+    let line = "simulate -f frame.toml --n-scans 4 --effects reference,mixed > scans.csv && \
+                extract-lines -f frame.toml scans.csv > lines.csv && \
+                solve-pose -f frame.toml --pitch-deg 0 lines.csv > poses.csv";
+    sh(&dir, line).expect(0);
+    assert_golden(&dir, "lines.csv");
+    assert_golden(&dir, "poses.csv");
 }

@@ -176,6 +176,9 @@ fn the_page_is_whole_small_and_quiet() {
         "Position error, rms",
         "Bias in x",
         "Yaw error, rms",
+        "Bias in y",
+        "Bias in z",
+        "Bias in yaw",
         "x error, max",
         "y error, rms",
         "z error, rms",
@@ -300,6 +303,68 @@ fn a_file_that_the_pipeline_still_writes_is_waited_for() {
         "{}",
         ended.text()
     );
+}
+
+#[test]
+fn what_stands_beside_poses_is_read_with_them() {
+    let dir = scratch("report-beside");
+    write_runs(&dir, 20_000, &[("joint", 1.0)]);
+    let lines = "simulate -q -f frame.toml --n-scans 5 | extract-lines -q -f frame.toml > lines.csv && \
+                 mkfifo lines.fifo";
+    sh(&dir, lines).expect(0);
+    for line in [
+        // A branch that comes after more poses than a pipe holds.
+        "{ cat joint.csv; cat lines.csv > lines.fifo; } | \
+         timeout 60 report --truth truth.csv --json --lines lines.fifo -",
+        // A file that the pipeline is still to write.
+        "mv lines.csv late.csv; { cat joint.csv; sleep 0.3; mv late.csv lines.csv; } | \
+         report --truth truth.csv --json --lines lines.csv -",
+    ] {
+        let ended = sh(&dir, line).expect(0);
+        let json: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+        assert_eq!(json["runs"][0]["quality"]["scans"], 5, "{line}");
+    }
+}
+
+#[test]
+fn a_folder_is_no_input() {
+    let dir = two_runs("report-folder");
+    for line in [
+        "report .",
+        "report --truth . joint.csv",
+        "report --truth truth.csv --imu . joint.csv",
+        "report scan .",
+        "report static .",
+        "report lines --truth . joint.csv",
+        "report convert .",
+    ] {
+        says(&sh(&dir, line).expect(66), "report: .: is a directory");
+    }
+}
+
+#[test]
+fn a_pipe_is_not_read_twice() {
+    let dir = two_runs("report-twice");
+    for line in [
+        "report --truth truth.csv a=- b=- < joint.csv",
+        "report --truth truth.csv --imu - - < joint.csv",
+        "report static --desired - - < joint.csv",
+        "report scan --lines - - < joint.csv",
+        "report lines --truth - - < joint.csv",
+    ] {
+        let ended = sh(&dir, line).expect(2);
+        says(
+            &ended,
+            "standard input is named twice: it can be read only once",
+        );
+    }
+}
+
+#[test]
+fn an_argument_may_be_no_text() {
+    let dir = two_runs("report-bytes");
+    let line = "report -q --truth truth.csv --html $'\\xff.html' joint.csv && ls";
+    sh(&dir, line).expect(0);
 }
 
 #[test]

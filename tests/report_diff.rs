@@ -168,13 +168,36 @@ fn what_cannot_be_compared_ends_with_its_status() {
         ),
         (
             "report diff --key no poses.csv poses.csv",
-            65,
-            "there is no column no",
+            2,
+            "neither poses.csv nor poses.csv has a column no to be the key; there are stamp_ns",
         ),
+        (
+            "report diff --tol foo=1 poses.csv poses.csv",
+            2,
+            "neither poses.csv nor poses.csv has a column foo; there are stamp_ns, ",
+        ),
+        (
+            "report diff --ignore foo run.mcap run.mcap",
+            2,
+            "has a column foo; there are scans.stamp_ns, ",
+        ),
+        (
+            "report diff poses.csv lines.csv",
+            65,
+            "poses.csv and lines.csv cannot be compared: these are poses and those lines",
+        ),
+        (
+            "report diff scans.csv truth.csv",
+            65,
+            "these are scans and those truth",
+        ),
+        ("report diff /tmp poses.csv", 66, "/tmp: is a directory"),
+        ("report diff poses.csv /tmp", 66, "/tmp: is a directory"),
     ] {
         let ended = sh(&dir, line).expect(status);
         assert!(ended.stderr.contains(words), "{line}: {}", ended.stderr);
     }
-    let head = sh(&dir, "report diff scans.csv truth.csv | head -1").expect(4);
+    // A trajectory has a pose's columns.
+    let head = sh(&dir, "report diff poses.csv truth.csv | head -1").expect(4);
     assert!(head.stderr.is_empty(), "{}", head.stderr);
 }

@@ -81,6 +81,12 @@ fn a_frame_that_makes_no_sense_is_refused_with_its_key() {
         "[box]\ndx_m = 1.5\ndy_m = 10\ndz_m = 5\n".to_owned(),
         "strip: no strip",
     );
+    let mixed = sh(&dir, "report frame --html - frame.toml").expect(2);
+    assert!(
+        mixed.stderr.contains("the text goes to stdout too"),
+        "{}",
+        mixed.stderr
+    );
     sh(&dir, "report frame none.toml").expect(66);
     sh(&dir, "report frame --y-range=-9,9 frame.toml").expect(2);
     sh(&dir, "report frame --fail-if 'x.rms_mm>1' frame.toml").expect(2);

@@ -55,7 +55,7 @@ complete -c report -n "__fish_report_needs_command" -l json -d 'Print JSON in pl
 complete -c report -n "__fish_report_needs_command" -l csv -d 'Print every number as CSV: run,zone,axis,statistic,value'
 complete -c report -n "__fish_report_needs_command" -l markdown -d 'Print the errors, the runs side by side and where they come from in Markdown'
 complete -c report -n "__fish_report_needs_command" -l latex -d 'Print the errors and the runs side by side in LaTeX (package booktabs)'
-complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells for y, z, roll and pitch too'
+complete -c report -n "__fish_report_needs_command" -l cells -d 'Print the workspace\'s cells as numbers, of y, z, roll and pitch too, instead of as maps'
 complete -c report -n "__fish_report_needs_command" -l ascii -d 'ASCII only [default: where the locale is not UTF-8]'
 complete -c report -n "__fish_report_needs_command" -l skip-bad -d 'Count and skip bad records instead of ending with status 65'
 complete -c report -n "__fish_report_needs_command" -l meta -d 'Say in # lines above a CSV header where the records come from: tool, version, arguments, seed (also with CABLEPOSE_META=1 in the environment, or where the input says so)'

@@ -1,5 +1,7 @@
 //! The components that errors are reported for, with the unit people read them in.
 
+use super::number::fixed;
+
 /// One reported component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
@@ -13,6 +15,17 @@ pub struct Axis {
     pub factor: f64,
     /// Decimals that a person wants to see.
     pub decimals: usize,
+}
+
+impl Axis {
+    /// A value, m or rad, with its unit: "2.00 mm", "0.031°".
+    pub(super) fn quantity(&self, value: f64) -> String {
+        let text = fixed(value * self.factor, self.decimals);
+        match self.symbol {
+            "°" => format!("{text}°"),
+            symbol => format!("{text} {symbol}"),
+        }
+    }
 }
 
 const fn length(name: &'static str) -> Axis {
@@ -48,6 +61,11 @@ pub const AXES: [Axis; 8] = [
     length("position"),
     angle("rotation"),
 ];
+
+/// The six components of a pose, numbered.
+pub(super) fn components() -> impl Iterator<Item = (usize, &'static Axis)> {
+    AXES.iter().take(POSITION).enumerate()
+}
 
 /// Where the position's distance is in [`AXES`].
 pub(super) const POSITION: usize = 6;

@@ -1,7 +1,7 @@
 //! A map of predicted standard deviations as a page.
 
 use super::axis::{AXES, Axis};
-use super::figure::{self, Heat, MapStyle};
+use super::figure::{self, Heat, MapStyle, THIRD};
 use super::number::fixed;
 use super::page;
 use super::picture::Figure;
@@ -56,7 +56,7 @@ pub(super) fn figures(cells: &Cells) -> Vec<Figure> {
             &format!("sigma-{}", axis.name),
             format!("{}, standard deviation", axis.name),
             unit,
-            figure::heat_map(&heat, 341, &label),
+            figure::heat_map(&heat, THIRD, &label),
         )
     };
     axes.map(figure).collect()

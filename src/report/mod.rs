@@ -1,7 +1,5 @@
 //! What a run of poses is worth: its error against a true or desired trajectory, per component,
 //! over time and over the workspace; whether its covariances are honest; what became of every scan.
-//! And what extracted lines are worth ([`lines`]), where a run stands ([`standing`]), what one scan
-//! looks like ([`scan`]) and what a frame allows ([`frame`]).
 //!
 //! The way through the room:
 //!
@@ -13,11 +11,15 @@
 //!   only what the outputs show and has the same size whatever the run's length;
 //! - [`Gate`] compares a case's statistics with limits (`--fail-if`);
 //! - [`Recording`] sums a record of an IMU at rest up to an [`Inertial`]: its Allan deviations;
-//! - [`terminal`], [`json`] and [`page`] show a [`Report`]; each [`Figure`] of the page can be had as
-//!   a file of its own, SVG or PNG.
+//! - [`terminal`], [`json`], [`tables`] and [`page`] show a [`Report`]; each [`Figure`] of the page can
+//!   be had as a file of its own, SVG or PNG. [`chain`] says where a report comes from, [`export`] what
+//!   its poses are to other kits.
 //!
-//! An error is measured minus reference. Inside, errors are in metres and radians; only the three
-//! outputs speak of millimetres and degrees ([`Axis`]).
+//! Beside poses: [`lines`] scores extracted lines, [`standing`] finds where a run stands, [`scan`] draws
+//! a scan, [`frame`] what a frame allows, [`robot`] tells of pulleys, [`diff`] where two files differ.
+//!
+//! An error is measured minus reference. Inside, errors are in metres and radians; only the outputs
+//! speak of millimetres and degrees ([`Axis`]).
 
 mod align;
 mod association;
@@ -80,7 +82,7 @@ pub use lag::{Delay, DelayChoice};
 pub use merge::merge;
 pub use orientation::{AngleResult, Attitudes, Orientation, RateResult};
 pub use picture::{Figure, PictureError};
-pub use quality::{FACES, FaceTally, LineTally, Quality};
+pub use quality::{FaceTally, LineTally, Quality};
 pub use relative::{Delta, DeltaError, Pairs, Relative, Span};
 pub use scans::{Scans, Tally};
 pub use stability::Stability;

@@ -95,8 +95,13 @@ fn is_nameless(path: &Path) -> bool {
     path == Path::new("-") || path.starts_with("/dev") || path.starts_with("/proc")
 }
 
+/// The command line of this process; what is no text in it is shown as well as it can be.
+pub fn own_command_line() -> String {
+    command_line(std::env::args_os().map(|word| word.to_string_lossy().into_owned()))
+}
+
 /// A command line that can be pasted into a shell, without folders.
-pub fn command_line(words: impl Iterator<Item = String>) -> String {
+fn command_line(words: impl Iterator<Item = String>) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+,./:@%".contains(c);
     let words = words.map(|word| {
         let word = without_folders(&word);

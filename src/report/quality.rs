@@ -3,7 +3,7 @@
 
 use super::measured::lacking;
 use super::trace::Trace;
-use crate::record::{Face, Pose, ReflectorLines, Stamp, Status};
+use crate::record::{Pose, ReflectorLines, Stamp, Status};
 use std::collections::BTreeMap;
 
 /// The account of a run, of a size that does not depend on its length.
@@ -116,7 +116,7 @@ pub struct LineTally {
     pub source: String,
     /// Scans.
     pub scans: usize,
-    /// Right, upper and left.
+    /// In the order of [`crate::record::Face::ALL`].
     pub faces: [FaceTally; 3],
     /// Scans in which each strip of the frame was met, by its number in the frame file.
     pub strips: Vec<usize>,
@@ -135,9 +135,6 @@ pub struct FaceTally {
     squares: f64,
     residuals: u64,
 }
-
-/// The faces in the order of [`LineTally::faces`].
-pub const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
 
 /// Most strips that are told apart.
 const STRIPS: usize = 1024;

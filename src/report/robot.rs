@@ -1,5 +1,6 @@
 //! What measured poses tell of a robot's pulleys, as a table for people and as JSON.
 
+use super::json;
 use super::number::{self, count, fixed, signed};
 use crate::record::POSE_STATE;
 use crate::robot::{Calibrated, Place, Pose};
@@ -144,8 +145,8 @@ impl Findings<'_> {
             .iter()
             .map(|s| {
                 let found = json!({
-                    "shift_mm": rounded(1e3 * s.shift_m),
-                    "sigma_mm": rounded(1e3 * s.sigma_m),
+                    "shift_mm": json::value(1e3 * s.shift_m),
+                    "sigma_mm": json::value(1e3 * s.sigma_m),
                 });
                 (s.unknown.to_string(), found)
             })
@@ -157,9 +158,9 @@ impl Findings<'_> {
             "rms": { "error": components(&rms(&errors), true),
                      "left": components(&rms(&self.calibrated.left), true) },
             "shifts": shifts,
-            "chi2_per_dof": rounded(self.calibrated.chi2_per_dof),
+            "chi2_per_dof": json::value(self.calibrated.chi2_per_dof),
         });
-        Ok(serde_json::to_string_pretty(&whole)? + "\n")
+        json::text(&whole)
     }
 }
 
@@ -170,14 +171,9 @@ fn components(pose: &Pose, is_error: bool) -> Value {
             (true, false) => ("m", *value),
             _ => (unit(k), value * scale(k)),
         };
-        (format!("{}_{unit}", POSE_STATE[k]), rounded(value))
+        (format!("{}_{unit}", POSE_STATE[k]), json::value(value))
     };
     Value::Object(pose.iter().enumerate().map(entry).collect())
-}
-
-/// Six decimals, as the other reports have them.
-fn rounded(value: f64) -> Value {
-    json!((value * 1e6).round() / 1e6)
 }
 
 fn rms(errors: &[Pose]) -> Pose {

@@ -94,6 +94,14 @@ impl Layout {
         layout
     }
 
+    /// From where to where the cells go along y and along z, m.
+    pub fn ends_m(&self) -> [[f64; 2]; 2] {
+        [0, 1].map(|i| {
+            let from = self.origin_m[i];
+            [from, from + self.size_m[i] * self.count[i] as f64]
+        })
+    }
+
     /// Index of the cell at (y, z), row by row from the lowest z.
     pub fn index(&self, place_m: [f64; 2]) -> Option<usize> {
         let mut at = [0usize; 2];

@@ -119,6 +119,13 @@ impl Kind {
         self.topics().read.contains(&topic)
     }
 
+    /// Whether records of the two kinds can be held against one another: one kind, or poses and
+    /// trajectories, which share their columns.
+    pub fn is_like(self, other: Kind) -> bool {
+        let is_pose = |kind| matches!(kind, Kind::Poses | Kind::Truth | Kind::Desired);
+        self == other || (is_pose(self) && is_pose(other))
+    }
+
     /// Which of the two trajectories it is; of no meaning for other kinds.
     pub fn role(self) -> Role {
         if self == Kind::Truth {

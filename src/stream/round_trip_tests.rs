@@ -279,7 +279,7 @@ fn rewritten(
 fn an_older_version_without_the_last_columns_is_read() {
     let pose = samples::pose();
     let older = rewritten(
-        &to_mcap(&[pose.clone()], Role::Desired, true),
+        &to_mcap(std::slice::from_ref(&pose), Role::Desired, true),
         |message, schema| {
             if message.channel.topic == "/pose_status" {
                 // Before there was pushed_ns: a column of eight bytes at the end.

@@ -9,6 +9,7 @@ pub mod table;
 pub mod tree;
 
 use crate::record::{Presence, Record, Value, Visit};
+use std::collections::BTreeSet;
 use std::convert::Infallible;
 use std::fmt::Write;
 
@@ -67,10 +68,11 @@ enum Limit {
 }
 
 impl Limit {
-    fn allows(self, a: f64, b: f64) -> bool {
+    /// Whether two numbers may be so `far` apart, the larger of which has the size `larger`.
+    fn allows(self, far: f64, larger: f64) -> bool {
         match self {
-            Limit::Absolute(most) => (a - b).abs() <= most,
-            Limit::Relative(share) => (a - b).abs() <= share * a.abs().max(b.abs()),
+            Limit::Absolute(most) => far <= most,
+            Limit::Relative(share) => far <= share * larger,
         }
     }
 }
@@ -138,6 +140,9 @@ pub enum DiffError {
     /// A file is not what it should be, or the two have nothing in common.
     #[error("{0}")]
     Bad(String),
+    /// A column is asked for that neither file has.
+    #[error("{0}")]
+    Unknown(String),
     /// Reading failed.
     #[error(transparent)]
     Io(#[from] std::io::Error),
@@ -145,6 +150,8 @@ pub enum DiffError {
 
 /// Columns that are listed.
 const LINES: usize = 50;
+/// Names that are listed of those there are.
+const NAMES: usize = 60;
 
 /// A column of both files.
 #[derive(Clone, Debug)]
@@ -165,6 +172,8 @@ pub struct Comparison {
     names: [String; 2],
     rules: Rules,
     columns: Vec<Column>,
+    /// Columns and topics that are passed over.
+    passed_over: BTreeSet<String>,
     rows: u64,
     different_rows: u64,
     /// Whether the row at hand differs.
@@ -187,6 +196,7 @@ impl Comparison {
             names: names.map(str::to_owned),
             rules: rules.clone(),
             columns: Vec::new(),
+            passed_over: BTreeSet::new(),
             rows: 0,
             different_rows: 0,
             differs_here: false,
@@ -197,20 +207,60 @@ impl Comparison {
         }
     }
 
-    /// What the files are called.
-    pub fn names(&self) -> &[String; 2] {
-        &self.names
+    /// Whether a column or topic is passed over.
+    pub fn passes_over(&mut self, name: &str) -> bool {
+        let ignored = self.rules.ignores(name);
+        if ignored {
+            self.passed_over.insert(name.to_owned());
+        }
+        ignored
     }
 
-    /// A column of both files; none for one that is passed over.
+    /// A new column; none for one that is passed over.
     pub fn column(&mut self, name: &str) -> Option<ColumnId> {
-        if self.rules.ignores(name) {
-            return None;
+        (!self.passes_over(name)).then(|| self.new_column(name))
+    }
+
+    /// New columns for a kind of record, in its order, named `prefix.x_m` where there is a prefix.
+    pub fn columns_of<R: Record>(&mut self, prefix: &str) -> Vec<Option<ColumnId>> {
+        let names = texts(&R::default(), &mut Vec::new());
+        let names = names.into_iter().map(|(name, _)| match prefix {
+            "" => name.to_owned(),
+            prefix => format!("{prefix}.{name}"),
+        });
+        names.map(|name| self.column(&name)).collect()
+    }
+
+    /// Refuses rules for columns that neither file has: a name that is misspelt would change
+    /// nothing, and nobody would know. Call it when all columns are known.
+    ///
+    /// # Errors
+    /// [`DiffError::Unknown`], with the names that there are.
+    pub fn check_rules(&self) -> Result<(), DiffError> {
+        let columns = self.columns.iter().map(|column| column.name.as_str());
+        let there: Vec<&str> = columns
+            .chain(self.passed_over.iter().map(String::as_str))
+            .collect();
+        let tolerated = self.rules.tolerances.iter().map(|t| &t.columns);
+        let mut wanted = tolerated.chain(&self.rules.ignored);
+        let met = |pattern: &&Pattern| there.iter().any(|name| pattern.is_of(name));
+        let Some(unmet) = wanted.find(|pattern| !met(pattern)) else {
+            return Ok(());
+        };
+        // Without records nothing is known of columns.
+        if there.is_empty() {
+            return Ok(());
         }
-        if let Some(at) = self.columns.iter().position(|column| column.name == name) {
-            return Some(ColumnId(at));
-        }
-        Some(self.new_column(name))
+        let more = match there.len().saturating_sub(NAMES) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let names = there.into_iter().take(NAMES).collect::<Vec<_>>().join(", ");
+        let [a, b] = &self.names;
+        Err(DiffError::Unknown(format!(
+            "neither {a} nor {b} has a column {}; there are {names}{more}",
+            unmet.0
+        )))
     }
 
     fn new_column(&mut self, name: &str) -> ColumnId {
@@ -272,34 +322,25 @@ impl Comparison {
         self.different_fields += 1;
     }
 
-    /// Compares two values that are alone at their place.
-    fn value(&mut self, path: &str, a: &[u8], b: &[u8]) {
-        if a == b {
-            self.fields += 1;
-        } else {
-            let column = self.new_column(path);
-            self.field(column, &String::new, a, b);
-        }
-    }
-
-    /// Compares two records column by column.
-    pub fn records<R: Record>(&mut self, place: &dyn Fn() -> String, prefix: &str, a: &R, b: &R) {
+    /// Compares two records column by column; `columns` are those of their kind.
+    pub fn records<R: Record>(
+        &mut self,
+        columns: &[Option<ColumnId>],
+        place: &dyn Fn() -> String,
+        a: &R,
+        b: &R,
+    ) {
         self.begin_row();
         let [mut text_a, mut text_b] = std::mem::take(&mut self.scratch);
         let ends_a = texts(a, &mut text_a);
         let ends_b = texts(b, &mut text_b);
         let mut at = [0, 0];
-        for ((name, end_a), (_, end_b)) in ends_a.iter().zip(&ends_b) {
-            let field_a = text_a.get(at[0]..*end_a).unwrap_or_default();
-            let field_b = text_b.get(at[1]..*end_b).unwrap_or_default();
-            at = [*end_a, *end_b];
-            let name = if prefix.is_empty() {
-                (*name).to_owned()
-            } else {
-                format!("{prefix}.{name}")
-            };
-            if let Some(column) = self.column(&name) {
-                self.field(column, place, field_a, field_b);
+        for (column, (end_a, end_b)) in columns.iter().zip(ends_a.iter().zip(&ends_b)) {
+            let field_a = text_a.get(at[0]..end_a.1).unwrap_or_default();
+            let field_b = text_b.get(at[1]..end_b.1).unwrap_or_default();
+            at = [end_a.1, end_b.1];
+            if let Some(column) = column {
+                self.field(*column, place, field_a, field_b);
             }
         }
         self.scratch = [text_a, text_b];
@@ -436,12 +477,9 @@ fn apart(a: &[u8], b: &[u8]) -> Option<f64> {
 }
 
 fn close(a: &[u8], b: &[u8], limit: Limit) -> bool {
-    let (Some(far), Some(x), Some(y)) = (apart(a, b), number(a), number(b)) else {
-        return false;
-    };
-    match limit {
-        Limit::Absolute(most) => far <= most,
-        Limit::Relative(_) => limit.allows(x, y),
+    match (apart(a, b), number(a), number(b)) {
+        (Some(far), Some(x), Some(y)) => limit.allows(far, x.abs().max(y.abs())),
+        _ => false,
     }
 }
 

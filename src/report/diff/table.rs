@@ -14,7 +14,7 @@ const SHOWN: usize = 5;
 ///
 /// # Errors
 /// A text without a header, a row of another length than its header, no column in common, a key that
-/// is not there or not unique.
+/// is not there or not unique, a rule for a column that neither text has.
 pub fn compare(
     a: impl Read,
     b: impl Read,
@@ -27,6 +27,7 @@ pub fn compare(
     let mut left = Table::new(a, name_a)?;
     let mut right = Table::new(b, name_b)?;
     let pairs = common_columns(&mut comparison, &left, &right)?;
+    comparison.check_rules()?;
     match key {
         None => by_place(&mut comparison, &mut left, &mut right, &pairs)?,
         Some(key) => by_key(&mut comparison, &mut left, &mut right, &pairs, key)?,
@@ -246,8 +247,19 @@ fn by_key<A: Read, B: Read>(
     key: &str,
 ) -> Result<(), DiffError> {
     let missing = |name: &str| DiffError::Bad(format!("{name}: there is no column {key}"));
-    let at_left = left.place_of(key).ok_or_else(|| missing(&left.name))?;
-    let at_right = right.place_of(key).ok_or_else(|| missing(&right.name))?;
+    let (at_left, at_right) = match (left.place_of(key), right.place_of(key)) {
+        (Some(at_left), Some(at_right)) => (at_left, at_right),
+        (None, Some(_)) => return Err(missing(&left.name)),
+        (Some(_), None) => return Err(missing(&right.name)),
+        (None, None) => {
+            return Err(DiffError::Unknown(format!(
+                "neither {} nor {} has a column {key} to be the key; there are {}",
+                left.name,
+                right.name,
+                left.header.join(", ")
+            )));
+        }
+    };
     let mut rows: HashMap<Vec<u8>, ByteRecord> = HashMap::new();
     let mut order = Vec::new();
     while right.next()? {

@@ -208,6 +208,36 @@ fn what_cannot_be_compared_is_said() {
     }
 }
 
+#[test]
+fn a_rule_for_no_column_is_refused() {
+    let (a, b) = ("stamp_ns,x_m\n1,2\n", "stamp_ns,y_m\n1,3\n");
+    for (tolerances, ignored, unknown) in [
+        (&["foo=1"][..], &[][..], Some("foo")),
+        (&["*=0", "z_*=1"], &[], Some("z_*")),
+        (&[], &["foo"], Some("foo")),
+        (&["x_m=1", "*_m=1"], &["y_m", "x_m"], None),
+    ] {
+        let rules = rules(tolerances, ignored);
+        match (tables(a, b, None, &rules), unknown) {
+            (Ok(_), None) => {}
+            (Err(DiffError::Unknown(text)), Some(name)) => assert!(
+                text.contains(&format!(
+                    "neither a nor b has a column {name}; there are stamp_ns"
+                )),
+                "{text}"
+            ),
+            other => panic!("{tolerances:?} {ignored:?}: {other:?}"),
+        }
+    }
+    let text = b"{\"a\":{\"b\":1}}";
+    let json = |rules: &Rules| tree::compare(text, text, ["a", "b"], rules);
+    assert!(json(&rules(&["b=1"], &[])).is_ok());
+    let refused = json(&rules(&["c=1"], &[])).unwrap_err().to_string();
+    assert!(refused.ends_with("there are a.b"), "{refused}");
+    let key = tables(a, b, Some("n"), &Rules::default());
+    assert!(matches!(key, Err(DiffError::Unknown(_))), "{key:?}");
+}
+
 fn trees(a: &str, b: &str, rules: &Rules) -> String {
     let mut found = tree::compare(a.as_bytes(), b.as_bytes(), ["a", "b"], rules).unwrap();
     if found.is_equal() {
@@ -251,9 +281,13 @@ fn records_are_compared_by_their_columns() {
         ..TrajectoryPoint::default()
     };
     let mut found = Comparison::new(["a", "b"], &rules(&["x_m=1e-3"], &[]));
-    found.records(&|| "1".to_owned(), "/truth", &point(1.0), &point(1.0005));
-    assert!(found.is_equal());
-    found.records(&|| "2".to_owned(), "/truth", &point(1.0), &point(1.5));
+    let columns = found.columns_of::<TrajectoryPoint>("/truth");
+    found.check_rules().unwrap();
+    let mut compare = |place: &str, b: f64| {
+        found.records(&columns, &|| place.to_owned(), &point(1.0), &point(b));
+        found.is_equal()
+    };
+    assert!(compare("1", 1.0005) && !compare("2", 1.5));
     let text = found.text();
     assert!(
         text.contains("/truth.x_m: 1 difference, the first in 2: 1 and 1.5"),

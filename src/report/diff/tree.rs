@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// of it, `rms_mm`.
 ///
 /// # Errors
-/// A text that is no JSON.
+/// A text that is no JSON, a rule for a value that neither has.
 pub fn compare(
     a: &[u8],
     b: &[u8],
@@ -25,22 +25,23 @@ pub fn compare(
     leaves(&parse(a, name_a)?, String::new(), &mut left);
     leaves(&parse(b, name_b)?, String::new(), &mut right);
     for (path, value) in &left {
-        if rules.ignores(path) {
+        let Some(column) = comparison.column(path) else {
             continue;
-        }
+        };
         match right.get(path) {
             Some(other) => {
                 comparison.begin_row();
-                comparison.value(path, value.as_bytes(), other.as_bytes());
+                comparison.field(column, &String::new, value.as_bytes(), other.as_bytes());
             }
             None => comparison.only_in(0, &format!("{path}, {value}")),
         }
     }
     for (path, value) in &right {
-        if !left.contains_key(path) && !rules.ignores(path) {
+        if !left.contains_key(path) && comparison.column(path).is_some() {
             comparison.only_in(1, &format!("{path}, {value}"));
         }
     }
+    comparison.check_rules()?;
     if rules.are_exact() && comparison.is_equal() && a != b {
         comparison.remark(
             "the values are equal, the bytes are not: the order of names, or blanks".to_owned(),

@@ -77,15 +77,6 @@ impl Heat<'_> {
         bands.collect()
     }
 
-    /// Ends of y and z, m.
-    fn ends(&self) -> [[f64; 2]; 2] {
-        let layout = &self.layout;
-        [0, 1].map(|i| {
-            let from = layout.origin_m[i];
-            [from, from + layout.size_m[i] * layout.count[i] as f64]
-        })
-    }
-
     fn grid(&self) -> Grid<'_> {
         Grid {
             count: self.layout.count,
@@ -114,7 +105,7 @@ fn heat_height(layout: &Layout, width: u32) -> u32 {
 pub(in crate::report) fn heat_map(heat: &Heat<'_>, width: u32, label: &str) -> Drawing {
     let height = heat_height(&heat.layout, width);
     figure((width, height), label, |sheet, hover| {
-        let [y, z] = heat.ends();
+        let [y, z] = heat.layout.ends_m();
         let plot = plot(sheet, HEAT_MARGINS, y, z);
         match heat.style {
             MapStyle::Cells => cells(&plot, heat, hover)?,

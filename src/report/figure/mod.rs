@@ -27,6 +27,13 @@ use plotters::prelude::Cartesian2d;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{IntoFont, RGBColor, ShapeStyle, TextStyle};
 
+/// Widths of the page's figures, px: alone in a row,
+pub(super) const WHOLE: u32 = 1072;
+/// one of two,
+pub(super) const HALF: u32 = 524;
+/// one of three.
+pub(super) const THIRD: u32 = 341;
+
 /// A plot's place on its sheet with the scales of its two axes.
 type Plot<'a> = DrawingArea<Canvas<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 

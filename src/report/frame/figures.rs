@@ -1,22 +1,18 @@
 //! The frame's pictures: seen from the front, its ceiling and its walls, and the maps of what scans
 //! in it can tell.
 
-use super::view::{self, FACES};
+use super::view;
 use super::{Survey, yaw_range};
 use crate::frame::Strip;
 use crate::record::Face;
 use crate::report::canvas::{DrawResult, Drawing, ink};
 use crate::report::dilution;
 use crate::report::drafting::{Plan, free, pen, to_scale};
+use crate::report::figure::{HALF, THIRD, WHOLE};
 use crate::report::number::fixed;
 use crate::report::picture::Figure;
 use crate::report::scale::{above, size_colour};
 use plotters::style::{Color, RGBColor};
-
-/// Widths of the figures, px.
-const WHOLE: u32 = 1072;
-const HALF: u32 = 524;
-const THIRD: u32 = 341;
 
 /// All figures of a survey.
 pub fn figures(survey: &Survey) -> Vec<Figure> {
@@ -189,7 +185,7 @@ fn corners(survey: &Survey, strip: &Strip) -> [[f64; 2]; 4] {
     [at(from, -0.5), at(from, 0.5), at(to, 0.5), at(to, -0.5)]
 }
 
-/// The ceiling from below, with the scan lines of a platform at the middle at yaw 0 and +-1 deg.
+/// The ceiling from below, with the scan line of a platform at x = 0 and yaw 0.
 fn ceiling(survey: &Survey) -> Drawing {
     let b = &survey.frame.bounds;
     let (half_x, half_y) = (0.5 * b.dx_m, 0.5 * b.dy_m);
@@ -205,7 +201,9 @@ fn ceiling(survey: &Survey) -> Drawing {
                 plan.say(described(i, strip));
                 plan.area(&corners(survey, strip), &ink::OTHER.mix(0.8))?;
                 let beside = strip.offset_m + 0.5 * strip.width_m;
-                plan.text(i.to_string(), [beside, 0.0], (9, -9))?;
+                // On the side of the scan line where the strip leans away.
+                let down_px = if strip.slope() > 0.0 { 9 } else { -9 };
+                plan.text(i.to_string(), [beside, 0.0], (9, down_px))?;
             }
             outline(
                 plan,
@@ -271,15 +269,12 @@ fn wall(survey: &Survey, face: Face) -> Drawing {
 /// How many edges the pose with the fewest shows, place by place.
 fn edges(survey: &Survey) -> Drawing {
     let layout = &survey.layout;
-    let ends = [0, 1].map(|i| {
-        let from = layout.origin_m[i];
-        [from, from + layout.size_m[i] * layout.count[i] as f64]
-    });
+    let [ys, zs] = layout.ends_m();
     let all = 2 * survey.frame.strips.len().max(1);
     free(
         (THIRD, 216),
-        ends[0],
-        ends[1],
+        ys,
+        zs,
         "fewest strip edges in sight over the workspace",
         |plan| {
             plan.axes(false)?;
@@ -338,7 +333,7 @@ fn yaw(survey: &Survey) -> Drawing {
 
 /// How many reflectors each face has, for the page's words.
 pub(super) fn on_faces(survey: &Survey) -> [usize; 3] {
-    FACES.map(|face| {
+    Face::ALL.map(|face| {
         let plates = survey
             .frame
             .plates

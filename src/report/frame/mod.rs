@@ -155,7 +155,7 @@ pub fn check(frame: &Frame) -> Result<(), Mistake> {
 /// The gaps between neighbouring strips of each face, in the order of their offsets.
 pub fn gaps(frame: &Frame) -> Vec<Gap> {
     let mut gaps = Vec::new();
-    for face in view::FACES {
+    for face in Face::ALL {
         let mut strips: Vec<_> = frame.strips_on(face).collect();
         strips.sort_by(|a, b| a.1.offset_m.total_cmp(&b.1.offset_m));
         for pair in strips.windows(2) {

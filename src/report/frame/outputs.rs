@@ -1,13 +1,10 @@
 //! A survey as a table for people and as JSON; the names that `--fail-if` takes.
 
 use super::Survey;
-use crate::report::axis::{AXES, Axis};
+use crate::report::axis::{Axis, components};
+use crate::report::json;
 use crate::report::number::{self, fixed};
 use serde_json::{Map, Value, json};
-
-fn axes() -> impl Iterator<Item = (usize, &'static Axis)> {
-    AXES.iter().take(6).enumerate()
-}
 
 /// The survey as text. `ascii` leaves out what is not ASCII.
 pub fn table(survey: &Survey, ascii: bool) -> String {
@@ -36,7 +33,7 @@ pub fn table(survey: &Survey, ascii: bool) -> String {
         "{:8}{:>6}{:>12}{:>12}\n",
         "", "", "rms", "worst place"
     ));
-    for (k, axis) in axes() {
+    for (k, axis) in components() {
         let [rms, worst] = survey
             .sigma(k)
             .map(|s| fixed(s * axis.factor, axis.decimals + 1));
@@ -46,15 +43,6 @@ pub fn table(survey: &Survey, ascii: bool) -> String {
         ));
     }
     if ascii { number::ascii(&out) } else { out }
-}
-
-/// Six decimals of the unit, and null for what has no value.
-fn rounded(value: f64) -> Value {
-    if value.is_finite() {
-        json!((value * 1e6).round() / 1e6 + 0.0)
-    } else {
-        Value::Null
-    }
 }
 
 /// The survey as indented JSON with a line feed at its end.
@@ -76,11 +64,11 @@ pub fn json(survey: &Survey) -> Result<String, serde_json::Error> {
         .collect();
     whole.insert("findings".to_owned(), json!(findings));
     let gaps = survey.gaps.iter().map(|g| {
-        json!({ "strips": g.strips, "face": g.face.name(), "least_mm": rounded(g.least_m * 1e3) })
+        json!({ "strips": g.strips, "face": g.face.name(), "least_mm": json::value(g.least_m * 1e3) })
     });
     whole.insert("gaps".to_owned(), Value::Array(gaps.collect()));
     for name in names() {
-        let value = rounded(statistic(survey, &name).unwrap_or(f64::NAN));
+        let value = json::value(statistic(survey, &name).unwrap_or(f64::NAN));
         match name.split_once('.') {
             None => {
                 whole.insert(name, value);
@@ -95,21 +83,19 @@ pub fn json(survey: &Survey) -> Result<String, serde_json::Error> {
     }
     let cell = |place: &super::Place| {
         let mut fields = Map::new();
-        fields.insert("y_m".to_owned(), rounded(place.at_m[0]));
-        fields.insert("z_m".to_owned(), rounded(place.at_m[1]));
+        fields.insert("y_m".to_owned(), json::value(place.at_m[0]));
+        fields.insert("z_m".to_owned(), json::value(place.at_m[1]));
         fields.insert("poses".to_owned(), json!(place.tried));
         fields.insert("told".to_owned(), json!(place.told));
         fields.insert("edges_least".to_owned(), json!(place.edges[0]));
-        for (k, axis) in axes() {
+        for (k, axis) in components() {
             let name = format!("{}_sigma_{}", axis.name, axis.unit);
-            fields.insert(name, rounded(place.sigma(k) * axis.factor));
+            fields.insert(name, json::value(place.sigma(k) * axis.factor));
         }
         Value::Object(fields)
     };
     whole.insert("cells".to_owned(), survey.places.iter().map(cell).collect());
-    let mut text = serde_json::to_string_pretty(&Value::Object(whole))?;
-    text.push('\n');
-    Ok(text)
+    json::text(&Value::Object(whole))
 }
 
 /// Every statistic's name.
@@ -126,7 +112,7 @@ fn names() -> Vec<String> {
         "yaw_range.one_deg",
         "gap.least_mm",
     ];
-    axes()
+    components()
         .flat_map(of_axis)
         .chain(plain.map(str::to_owned))
         .collect()
@@ -154,7 +140,7 @@ pub(in crate::report) fn statistic(survey: &Survey, name: &str) -> Option<f64> {
             .reduce(f64::min)?,
         _ => {
             let (axis_name, rest) = name.split_once('.')?;
-            let (k, axis) = axes().find(|(_, a)| a.name == axis_name)?;
+            let (k, axis) = components().find(|(_, a)| a.name == axis_name)?;
             let which = usize::from(rest.starts_with("worst"));
             survey.sigma(k)[which] * axis.factor
         }

@@ -60,9 +60,8 @@ fn cards(survey: &Survey) -> Markup {
     let sigma = |k: usize| {
         let [rms, worst] = survey.sigma(k);
         AXES.get(k).map_or((String::new(), String::new()), |axis| {
-            let text =
-                |v: f64| format!("{} {}", fixed(v * axis.factor, axis.decimals), axis.symbol);
-            (text(rms), format!("worst place {}", text(worst)))
+            let worst = format!("worst place {}", axis.quantity(worst));
+            (axis.quantity(rms), worst)
         })
     };
     let ((x, x_worst), (yaw, yaw_worst)) = (sigma(0), sigma(5));

@@ -41,9 +41,6 @@ pub struct Met {
     pub reflector: Option<Reflector>,
 }
 
-/// The faces that can be met.
-pub const FACES: [Face; 3] = [Face::Right, Face::Upper, Face::Left];
-
 /// From where to where a strip goes along x, m.
 pub fn extent(strip: &Strip, frame: &Frame) -> [f64; 2] {
     let half_x = 0.5 * frame.bounds.dx_m;
@@ -52,7 +49,7 @@ pub fn extent(strip: &Strip, frame: &Frame) -> [f64; 2] {
 
 /// What the beam at an angle meets first; none where it meets neither wall nor ceiling.
 pub fn met(frame: &Frame, pose: &ScannerPose, angle_rad: f64) -> Option<Met> {
-    let crossings = FACES.map(|face| pose.crossing(angle_rad, face).map(|c| (face, c)));
+    let crossings = Face::ALL.map(|face| pose.crossing(angle_rad, face).map(|c| (face, c)));
     let nearest = crossings
         .into_iter()
         .flatten()

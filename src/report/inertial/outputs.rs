@@ -1,6 +1,6 @@
 //! The IMU's section in the terminal and on the page.
 
-use super::super::figure::{self, LIMIT, Series, TRIPLE};
+use super::super::figure::{self, HALF, LIMIT, Series, TRIPLE};
 use super::super::number::{NONE, count, fixed};
 use super::super::picture::Figure;
 use super::{Inertial, Kind, Measured};
@@ -168,7 +168,7 @@ fn curves_of(inertial: &Inertial, kind: Kind, name: &str, title: &str) -> Option
         });
     }
     let unit = format!("{} over averaging time in s", kind.unit());
-    let drawing = figure::log_log(&series, (524, 260), title);
+    let drawing = figure::log_log(&series, (HALF, 260), title);
     (!of_kind.is_empty()).then(|| Figure::new(name, title, unit, drawing))
 }
 

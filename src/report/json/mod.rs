@@ -62,6 +62,25 @@ pub(super) fn rounded(value: f64) -> f64 {
     }
 }
 
+/// A number in JSON made by hand: six decimals of its unit, null for what has no value.
+pub(super) fn value(value: f64) -> serde_json::Value {
+    if value.is_finite() {
+        rounded(value).into()
+    } else {
+        serde_json::Value::Null
+    }
+}
+
+/// Indented JSON with a line feed at its end.
+///
+/// # Errors
+/// None in practice: everything in a report can be written.
+pub(super) fn text(value: &impl Serialize) -> Result<String, serde_json::Error> {
+    let mut text = serde_json::to_string_pretty(value)?;
+    text.push('\n');
+    Ok(text)
+}
+
 fn object<const N: usize>(fields: [(&str, Tree); N]) -> Tree {
     Tree::Object(fields.map(|(name, value)| (name.to_owned(), value)).into())
 }
@@ -113,9 +132,7 @@ pub fn write(report: &Report) -> Result<String, serde_json::Error> {
         .into_iter()
         .map(|(name, value)| (name.to_owned(), value));
     let tree = Tree::Object(fields.collect());
-    let mut text = serde_json::to_string_pretty(&tree)?;
-    text.push('\n');
-    Ok(text)
+    text(&tree)
 }
 
 /// A record of an IMU at rest. Allan deviations are in the channel's unit, and not rounded to six

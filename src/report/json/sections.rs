@@ -7,11 +7,12 @@ use super::super::case::{Case, Track};
 use super::super::inertial::allan::Point;
 use super::super::lag::Delay;
 use super::super::orientation::{AngleResult, Orientation, RateResult};
-use super::super::quality::{FACES, LineTally};
+use super::super::quality::LineTally;
 use super::super::relative::{Delta, Relative};
 use super::super::stability::Stability;
 use super::super::statistics::Statistics;
 use super::{Tree, object, statistics_fields};
+use crate::record::Face;
 
 /// A distance that is no component.
 const LENGTH: usize = 0;
@@ -224,7 +225,7 @@ fn quality(case: &Case) -> Tree {
     let counts = |list: &[usize]| Tree::List(list.iter().copied().map(Tree::Count).collect());
     let tally = case.quality.lines.clone().unwrap_or_default();
     let face = |value: &dyn Fn(&LineTally, usize) -> Tree| {
-        let faces = FACES.iter().enumerate();
+        let faces = Face::ALL.iter().enumerate();
         named(
             faces
                 .map(|(i, face)| (face.name(), value(&tally, i)))

@@ -1,6 +1,7 @@
 //! Scores of lines as a table for people and as JSON; the names that `--fail-if` takes.
 
 use super::{Matching, Score};
+use crate::report::json;
 use crate::report::number::{self, count, fixed};
 use serde_json::{Map, Value, json};
 
@@ -92,9 +93,7 @@ pub fn json(
         },
         "runs": runs,
     });
-    let mut text = serde_json::to_string_pretty(&whole)?;
-    text.push('\n');
-    Ok(text)
+    json::text(&whole)
 }
 
 /// A statistic's name, as `--fail-if` takes it and JSON nests it at the point, and its value.
@@ -142,9 +141,7 @@ fn object(score: &Score) -> Value {
         let value = value(score);
         let value = match name {
             "true_lines" | "lines" | "matches" => json!(value as u64),
-            // Six decimals of the unit, and null for what has no value.
-            _ if value.is_finite() => json!((value * 1e6).round() / 1e6 + 0.0),
-            _ => Value::Null,
+            _ => json::value(value),
         };
         match name.split_once('.') {
             None => {

@@ -1,7 +1,7 @@
 //! Five numbers that say the most. A colour stands only where a limit is stated: by `--fail-if`, by
 //! the band of an honest covariance, or on the card.
 
-use super::super::axis::{AXES, Axis, POSITION};
+use super::super::axis::{AXES, POSITION};
 use super::super::case::{Case, Report};
 use super::super::number::{NONE, change, count, fixed};
 use super::evaluation::delay_parts;
@@ -41,15 +41,6 @@ pub(super) fn cards(report: &Report, case: &Case) -> Markup {
     }
 }
 
-/// A number with its unit: "2.00 mm", "0.031°".
-pub(super) fn quantity(value: f64, axis: &Axis) -> String {
-    let text = fixed(value * axis.factor, axis.decimals);
-    match axis.symbol {
-        "°" => format!("{text}°"),
-        symbol => format!("{text} {symbol}"),
-    }
-}
-
 fn rms(case: &Case, index: usize) -> f64 {
     let axis = case.axes.get(index);
     axis.map_or(f64::NAN, |a| a.statistics.rms)
@@ -82,7 +73,7 @@ fn before(report: &Report, case: &Case, index: usize) -> Option<String> {
     let axis = AXES.get(index).filter(|_| was.is_finite())?;
     Some(format!(
         "before: {} ({})",
-        quantity(was, axis),
+        axis.quantity(was),
         change(was, is)
     ))
 }
@@ -93,7 +84,7 @@ fn position(report: &Report, case: &Case) -> Card {
     let p95 = s.map_or(f64::NAN, |s| s.p95);
     let below = before(report, case, POSITION).or_else(|| {
         let delay = case.delay.as_ref()?;
-        let mm = |m: f64| quantity(m, axis);
+        let mm = |m: f64| axis.quantity(m);
         if delay.removed {
             Some(format!("with the delay: {}", mm(delay.rms_before_m)))
         } else if delay.rms_after_m < 0.9 * delay.rms_before_m {
@@ -104,8 +95,8 @@ fn position(report: &Report, case: &Case) -> Card {
     });
     Card {
         title: "position error, rms".to_owned(),
-        value: quantity(rms(case, POSITION), axis),
-        below: below.unwrap_or_else(|| format!("95 % below {}", quantity(p95, axis))),
+        value: axis.quantity(rms(case, POSITION)),
+        below: below.unwrap_or_else(|| format!("95 % below {}", axis.quantity(p95))),
         class: judged(report, case, "position.rms_mm"),
     }
 }
@@ -114,7 +105,7 @@ fn yaw(report: &Report, case: &Case) -> Card {
     let mut card = component(report, case, 5);
     let imu = case.orientation.as_ref().and_then(|o| o.angles.get(2));
     if let Some(angle) = imu.filter(|a| a.residual.n > 0) {
-        let rms = quantity(angle.residual.rms, &AXES[5]);
+        let rms = AXES[5].quantity(angle.residual.rms);
         card.below = format!("against the IMU: {rms}");
     }
     card
@@ -127,10 +118,10 @@ fn component(report: &Report, case: &Case, index: usize) -> Card {
     let below = before(report, case, index);
     Card {
         title: format!("{} error, rms", axis.name),
-        value: quantity(rms(case, index), axis),
+        value: axis.quantity(rms(case, index)),
         below: below.unwrap_or_else(|| {
             let bias = fixed(bias * axis.factor, axis.decimals);
-            format!("bias {bias}, max {}", quantity(max, axis))
+            format!("bias {bias}, max {}", axis.quantity(max))
         }),
         class: judged(report, case, &format!("{}.rms_{}", axis.name, axis.unit)),
     }

@@ -2,11 +2,10 @@
 
 use super::super::axis::{AXES, Axis};
 use super::super::case::{AxisResult, Case};
-use super::super::figure::{self, Course};
+use super::super::figure::{self, Course, HALF, THIRD, WHOLE};
 use super::super::number::count;
 use super::super::picture::Figure;
-use super::WIDTHS;
-use super::cards::quantity;
+use super::Detail;
 
 /// The components that get a course as wide as the page, and those that get half of it.
 const WIDE: [usize; 2] = [0, 5];
@@ -17,22 +16,22 @@ fn result(case: &Case, index: usize) -> Option<&AxisResult> {
 }
 
 /// The courses that fill a row; none where several runs share the page.
-pub(super) fn wide(case: &Case, several: bool) -> Vec<Figure> {
-    let axes: &[usize] = if several { &[] } else { &WIDE };
+pub(super) fn wide(case: &Case, detail: Detail) -> Vec<Figure> {
+    let axes: &[usize] = if detail.several { &[] } else { &WIDE };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[0], 190), several))
+    axes.filter_map(|i| course(case, *i, (WHOLE, 190), detail))
         .collect()
 }
 
 /// The courses two of which fill a row.
-pub(super) fn small(case: &Case, several: bool) -> Vec<Figure> {
-    let axes: &[usize] = if several { &WIDE } else { &SMALL };
+pub(super) fn small(case: &Case, detail: Detail) -> Vec<Figure> {
+    let axes: &[usize] = if detail.several { &WIDE } else { &SMALL };
     let axes = axes.iter();
-    axes.filter_map(|i| course(case, *i, (WIDTHS[1], 150), several))
+    axes.filter_map(|i| course(case, *i, (HALF, 150), detail))
         .collect()
 }
 
-fn course(case: &Case, index: usize, size: (u32, u32), several: bool) -> Option<Figure> {
+fn course(case: &Case, index: usize, size: (u32, u32), detail: Detail) -> Option<Figure> {
     let result = result(case, index)?;
     let axis = AXES.get(index)?;
     let title = format!("Error in {}", axis.name);
@@ -42,19 +41,19 @@ fn course(case: &Case, index: usize, size: (u32, u32), several: bool) -> Option<
         [&format!("error-{}", axis.name), &title],
         size,
         true,
-        several,
+        detail,
     )
 }
 
 /// The course of a result with its figure's name and title; `signed` for one about zero, not from it;
-/// coarser where `several` runs share the page.
+/// as coarse as `detail` says.
 pub(super) fn of(
     result: &AxisResult,
     axis: &Axis,
     [name, title]: [&str; 2],
     size: (u32, u32),
     signed: bool,
-    several: bool,
+    detail: Detail,
 ) -> Option<Figure> {
     let title = if result.consistency.n > 0 {
         format!("{title}, with the solver’s ±3σ")
@@ -64,22 +63,22 @@ pub(super) fn of(
     let (limit, beyond) = figure::trace_limit(&result.trace, &result.statistics);
     let mut unit = format!("{}, time in s", axis.symbol);
     if beyond > 0 {
-        unit = format!("cut at {}; {unit}", quantity(limit, axis));
+        unit = format!("cut at {}; {unit}", axis.quantity(limit));
     }
     let top = limit * axis.factor;
     let course = Course {
         trace: &result.trace,
         factor: axis.factor,
         range: [if signed { -top } else { 0.0 }, top],
-        step_px: 1 + usize::from(several),
+        step_px: detail.step_px(),
     };
     let drawing = figure::over_time(&course, size, &title);
     (result.statistics.n > 0).then(|| Figure::new(name, title, unit, drawing))
 }
 
 /// Histograms of the components; of three of them where several runs share the page.
-pub(super) fn distributions(case: &Case, several: bool) -> Vec<Figure> {
-    let axes: &[usize] = if several {
+pub(super) fn distributions(case: &Case, detail: Detail) -> Vec<Figure> {
+    let axes: &[usize] = if detail.several {
         &[0, 2, 5]
     } else {
         &[0, 1, 2, 3, 4, 5]
@@ -88,7 +87,7 @@ pub(super) fn distributions(case: &Case, several: bool) -> Vec<Figure> {
         let result = result(case, *index)?;
         let axis = AXES.get(*index)?;
         // A component that was given has errors of rounding.
-        if quantity(result.statistics.max, axis) == quantity(0.0, axis) {
+        if axis.quantity(result.statistics.max) == axis.quantity(0.0) {
             return None;
         }
         let beyond = result.histogram.beyond;
@@ -98,7 +97,7 @@ pub(super) fn distributions(case: &Case, several: bool) -> Vec<Figure> {
             axis.symbol.to_owned()
         };
         let label = format!("Distribution of the error in {}", axis.name);
-        let size = (WIDTHS[2], 140);
+        let size = (THIRD, 140);
         let drawing = figure::histogram(&result.histogram, &result.statistics, axis, size, &label);
         let name = format!("distribution-{}", axis.name);
         Some(Figure::new(

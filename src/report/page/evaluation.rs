@@ -4,16 +4,16 @@
 use super::super::axis::AXES;
 use super::super::canvas::ink;
 use super::super::case::Case;
-use super::super::figure::{self, Course, Mark, Series, TRIPLE};
+use super::super::figure::{self, Course, HALF, Mark, Series, THIRD, TRIPLE};
 use super::super::lag::Delay;
 use super::super::number::{NONE, count, fixed};
 use super::super::orientation::Orientation;
 use super::super::picture::Figure;
-use super::super::quality::FACES;
 use super::super::scale::above;
 use super::super::statistics::Statistics;
 use super::super::trace::Trace;
-use super::{WIDTHS, courses, row};
+use super::{Detail, courses, row};
+use crate::record::Face;
 use maud::{Markup, html};
 use plotters::style::RGBColor;
 
@@ -24,11 +24,11 @@ const MS: f64 = 1e3;
 const MM: f64 = 1e3;
 
 /// Every figure of these sections.
-pub(super) fn figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let mut all: Vec<Figure> = delay_figure(case).into_iter().collect();
-    all.extend(track_figures(case, several));
-    all.extend(orientation_figures(case));
-    all.extend(quality_figures(case, several));
+    all.extend(track_figures(case, detail));
+    all.extend(orientation_figures(case, detail));
+    all.extend(quality_figures(case, detail));
     all.extend(stability_figures(case));
     all
 }
@@ -46,7 +46,7 @@ fn delay_figure(case: &Case) -> Option<Figure> {
         ),
     };
     let title = "Error against the delay taken out";
-    let drawing = figure::curve(&points, Some(&mark), (WIDTHS[1], 170), title);
+    let drawing = figure::curve(&points, Some(&mark), (HALF, 170), title);
     Some(Figure::new("delay", title, "rms, mm; delay in ms", drawing))
 }
 
@@ -101,19 +101,19 @@ pub(super) fn delay(case: &Case) -> Markup {
 }
 
 /// The error along the way and the distance from it over time.
-pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn track_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let Some(track) = &case.track else {
         return Vec::new();
     };
     let axis = &AXES[0];
-    let size = (WIDTHS[1], 150);
+    let size = (HALF, 150);
     let along = courses::of(
         &track.along,
         axis,
         ["along", "Error along the way"],
         size,
         true,
-        several,
+        detail,
     );
     let cross = courses::of(
         &track.cross,
@@ -121,10 +121,10 @@ pub(super) fn track_figures(case: &Case, several: bool) -> Vec<Figure> {
         ["cross", "Distance from the way"],
         size,
         false,
-        several,
+        detail,
     );
     // Where several runs share the page, the distance's numbers have to do.
-    let cross = cross.filter(|_| !several);
+    let cross = cross.filter(|_| !detail.several);
     along.into_iter().chain(cross).collect()
 }
 
@@ -156,7 +156,7 @@ pub(super) fn more_errors(case: &Case) -> Vec<(String, Statistics, usize)> {
     rows
 }
 
-fn orientation_figures(case: &Case) -> Vec<Figure> {
+fn orientation_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let Some(orientation) = &case.orientation else {
         return Vec::new();
     };
@@ -171,17 +171,17 @@ fn orientation_figures(case: &Case) -> Vec<Figure> {
             trace: &angle.trace,
             factor,
             range: [-limit * factor, limit * factor],
-            step_px: 1,
+            step_px: detail.step_px(),
         };
         let title = format!("Pose − IMU in {name}, less the offset");
-        let drawing = figure::over_time(&course, (WIDTHS[2], 140), &title);
+        let drawing = figure::over_time(&course, (THIRD, 140), &title);
         Some(Figure::new(&format!("imu-{name}"), title, "°", drawing))
     };
     angles.filter_map(figure).collect()
 }
 
 /// Orientation against the IMU's.
-pub(super) fn orientation(case: &Case) -> Markup {
+pub(super) fn orientation(case: &Case, detail: Detail) -> Markup {
     let Some(found) = &case.orientation else {
         return html! {};
     };
@@ -191,7 +191,7 @@ pub(super) fn orientation(case: &Case) -> Markup {
             "the poses against the gyros’."
         }
         (orientation_table(found))
-        (row("three", &orientation_figures(case)))
+        (row("three", &orientation_figures(case, detail)))
     }
 }
 
@@ -227,9 +227,9 @@ fn orientation_table(found: &Orientation) -> Markup {
 }
 
 /// What the poses rest on: edges, votes, residuals; over time too where the page is one run's.
-pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
+pub(super) fn quality_figures(case: &Case, detail: Detail) -> Vec<Figure> {
     let quality = &case.quality;
-    let size = (WIDTHS[2], 140);
+    let size = (THIRD, 140);
     let mut figures = Vec::new();
     for (name, what, title, counts) in [
         (
@@ -254,12 +254,12 @@ pub(super) fn quality_figures(case: &Case, several: bool) -> Vec<Figure> {
         ("edges-time", "Edges over time", &quality.edges_trace),
         ("votes-time", "Votes over time", &quality.votes_trace),
     ] {
-        figures.extend(counted(name, title, trace).filter(|_| !several));
+        figures.extend(counted(name, title, trace).filter(|_| !detail.several));
     }
     let Some(lines) = &quality.lines else {
         return figures;
     };
-    let faces = || FACES.iter().zip(&lines.faces);
+    let faces = || Face::ALL.iter().zip(&lines.faces);
     let residuals: Vec<(String, f64)> = faces()
         .map(|(face, tally)| (face.name().to_owned(), MM * tally.residual_rms_m()))
         .collect();
@@ -297,7 +297,7 @@ fn counted(name: &str, title: &str, trace: &Trace) -> Option<Figure> {
         range: [0.0, above(top)],
         step_px: 1,
     };
-    let drawing = figure::over_time(&course, (WIDTHS[2], 140), title);
+    let drawing = figure::over_time(&course, (THIRD, 140), title);
     (top > 0.0).then(|| Figure::new(name, title, "time in s", drawing))
 }
 
@@ -332,7 +332,7 @@ fn stability_figures(case: &Case) -> Vec<Figure> {
             })
         };
         let series: Vec<Series> = indices.into_iter().zip(TRIPLE).filter_map(series).collect();
-        let drawing = figure::log_log(&series, (WIDTHS[1], 220), title);
+        let drawing = figure::log_log(&series, (HALF, 220), title);
         let unit = format!("{unit} over averaging time in s");
         (!series.is_empty()).then(|| Figure::new(name, title, unit, drawing))
     };

@@ -2,11 +2,11 @@
 
 use super::super::axis::AXES;
 use super::super::case::Case;
-use super::super::figure::{self, Heat, MapStyle};
+use super::super::figure::{self, Heat, MapStyle, THIRD};
 use super::super::number::fixed;
 use super::super::picture::Figure;
 use super::super::workspace::{CELL_AXES, Cell, Cells};
-use super::WIDTHS;
+use super::Detail;
 
 /// What one map shows.
 struct Map {
@@ -32,7 +32,7 @@ fn distance(cell: &Cell) -> f64 {
     squares.iter().sum::<f64>().sqrt()
 }
 
-/// The maps in the order of the page; where there are several runs, those of the first row.
+/// The maps in the order of the page, row by row; where there are several runs, the first row.
 fn maps() -> Vec<Map> {
     let map = |name, title, unit, family, value| Map {
         name,
@@ -55,6 +55,13 @@ fn maps() -> Vec<Map> {
         Map {
             decimals: 3,
             ..map("yaw-rms", "Yaw error, rms", "°", 2, |c| shown(c.rms(3), 3))
+        },
+        signed("y-bias", "Bias in y", 8, |c| shown(c.bias(1), 1)),
+        signed("z-bias", "Bias in z", 8, |c| shown(c.bias(2), 2)),
+        Map {
+            unit: "°",
+            decimals: 3,
+            ..signed("yaw-bias", "Bias in yaw", 9, |c| shown(c.bias(3), 3))
         },
         map("x-max", "x error, max", "mm", 5, |c| shown(c.max(0), 0)),
         map("y-rms", "y error, rms", "mm", 3, |c| shown(c.rms(1), 1)),
@@ -86,12 +93,12 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    pub fn of(cases: &[&Case], style: MapStyle) -> Maps {
+    pub fn of(cases: &[&Case], style: MapStyle, detail: Detail) -> Maps {
         let mut maps = maps();
-        if cases.len() > 1 {
+        if detail.several {
             maps.truncate(3);
         }
-        let page = PAGE_CELLS[usize::from(cases.len() > 1)];
+        let page = PAGE_CELLS[usize::from(detail.several)] / detail.coarse;
         let room = page / (maps.len() * cases.len().max(1));
         let cells = |c: &&Case| (c.name(), c.cells.as_ref().map(|cells| cells.within(room)));
         Maps {
@@ -183,7 +190,8 @@ impl Maps {
                 style: self.style,
             };
             let unit = if largest > range[1] * (1.0 + 1e-9) {
-                format!("{}, up to {} beyond the scale", map.unit, fixed(largest, 0))
+                let largest = fixed(largest, map.decimals);
+                format!("{}, up to {largest} beyond the scale", map.unit)
             } else {
                 map.unit.to_owned()
             };
@@ -192,7 +200,7 @@ impl Maps {
                 &format!("map-{}", map.name),
                 map.title,
                 unit,
-                figure::heat_map(&heat, WIDTHS[2], &label),
+                figure::heat_map(&heat, THIRD, &label),
             ))
         };
         self.maps.iter().filter_map(figure).collect()

@@ -7,31 +7,125 @@
 mod cards;
 mod courses;
 mod evaluation;
-mod inputs;
 mod maps;
+mod provenance;
 mod tables;
 
 use super::case::{Case, Report};
 use super::figure::MapStyle;
 use super::inertial::outputs;
+use super::number;
 use super::picture::{Figure, make_unique};
 use super::terminal::{matching_line, run_line};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Cases that get figures of their own; further ones are in the tables.
-const DRAWN: usize = 3;
-/// Width of the page's figures, px: alone in a row, one of two, one of three.
-const WIDTHS: [u32; 3] = [1072, 524, 341];
+/// A page is at most so large, bytes, whatever it is of: it opens at once and goes with a mail.
+const MOST_BYTES: usize = 250_000;
+
+/// How much a page shows of its cases.
+#[derive(Clone, Copy, Debug)]
+struct Detail {
+    /// Several cases share the page: each has fewer figures.
+    several: bool,
+    /// How much coarser courses and maps are than they could be.
+    coarse: usize,
+    /// Most cases that get figures of their own.
+    drawn: usize,
+    /// Whether all cases have tables of their own, not only those that are drawn.
+    all_tables: bool,
+}
+
+impl Detail {
+    /// From all that there is to what makes a small page of any number of cases.
+    fn levels(cases: &[Case]) -> [Detail; 5] {
+        let several = cases.len() > 1;
+        let levels = [
+            (1, 3, true),
+            (2, 3, true),
+            (3, 2, true),
+            (4, 1, true),
+            (4, 1, false),
+        ];
+        levels.map(|(coarse, drawn, all_tables)| Detail {
+            several,
+            coarse,
+            drawn,
+            all_tables,
+        })
+    }
+
+    /// Pixels of a course that share one pair of extremes.
+    fn step_px(self) -> usize {
+        self.coarse + usize::from(self.several)
+    }
+
+    /// The cases that get figures: of too many the first, which the others are compared with, and
+    /// the last ones, the last of which the cards are of.
+    fn drawn(self, cases: &[Case]) -> Vec<&Case> {
+        let mut drawn: Vec<&Case> = cases.iter().filter(|c| !c.is_empty()).collect();
+        if drawn.len() > self.drawn {
+            let first = usize::from(self.drawn > 1);
+            let last = drawn.split_off(drawn.len() + first - self.drawn);
+            drawn.truncate(first);
+            drawn.extend(last);
+        }
+        drawn
+    }
+
+    /// The cases that have tables of their own.
+    fn tabled(self, cases: &[Case]) -> Vec<&Case> {
+        if self.all_tables {
+            cases.iter().collect()
+        } else {
+            self.drawn(cases)
+        }
+    }
+
+    /// What is left out, in words; nothing on a page of one case.
+    fn words(self, cases: &[Case]) -> Option<String> {
+        let drawn = self.drawn(cases);
+        if !self.several || drawn.is_empty() {
+            return None;
+        }
+        let mut words = String::new();
+        if drawn.len() < cases.len() {
+            let names: Vec<String> = drawn.iter().map(|case| case.name()).collect();
+            let (names, all) = (names.join(", "), number::count(cases.len()));
+            words = if self.all_tables {
+                format!("The tables are of all {all}, the figures of {names}. ")
+            } else {
+                format!(
+                    "The table before and after is of all {all}, the other tables and the figures of {names}. "
+                )
+            };
+        }
+        let fewer = "Where several runs or zones share a page, each that is drawn has the courses of x and yaw, \
+                     the distributions of x, z and yaw and three maps; a page of one has all of them.";
+        Some(words + fewer)
+    }
+}
 
 /// The whole page, its maps of the workspace drawn as `maps` says.
 pub fn write(report: &Report, maps: MapStyle) -> String {
+    let mut page = String::new();
+    for detail in Detail::levels(&report.cases) {
+        page = write_with(report, maps, detail);
+        if page.len() <= MOST_BYTES {
+            break;
+        }
+    }
+    page
+}
+
+fn write_with(report: &Report, maps: MapStyle, detail: Detail) -> String {
     let body = html! {
         h1 { (report.title) }
         (provenance_line(report))
+        @if let Some(words) = detail.words(&report.cases) { p { (words) } }
         @if let Some(case) = report.cases.last().filter(|_| whole_runs(report)) {
             (cards::cards(report, case))
         }
-        @if !report.cases.is_empty() { (sections(report, maps)) }
+        @if !report.cases.is_empty() { (sections(report, maps, detail)) }
         @if let Some(inertial) = &report.inertial { (outputs::section(inertial)) }
         @if report.cases.len() > 1 {
             h2 { "Before and after" }
@@ -39,7 +133,7 @@ pub fn write(report: &Report, maps: MapStyle) -> String {
             (tables::comparison(&report.cases))
         }
         @if !report.verdicts.is_empty() { (tables::gates(report)) }
-        (inputs::how(report))
+        (provenance::how(report))
     };
     document(&report.title, &body)
 }
@@ -65,18 +159,22 @@ pub(super) fn document(title: &str, body: &Markup) -> String {
 
 /// Every figure of the page, each with a name of its own; those of several runs begin with the run's.
 pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
-    let several = report.cases.len() > 1;
-    let drawn = drawn(&report.cases);
+    let [detail, ..] = Detail::levels(&report.cases);
+    let drawn = detail.drawn(&report.cases);
     let mut all = Vec::new();
-    let shown = maps::Maps::of(&drawn, maps);
+    let shown = maps::Maps::of(&drawn, maps, detail);
     for (i, case) in drawn.iter().enumerate() {
-        let name = if several { case.name() } else { String::new() };
+        let name = if detail.several {
+            case.name()
+        } else {
+            String::new()
+        };
         let mut figures = shown.figures(i);
-        figures.extend(courses::wide(case, several));
-        figures.extend(courses::small(case, several));
-        figures.extend(courses::distributions(case, several));
+        figures.extend(courses::wide(case, detail));
+        figures.extend(courses::small(case, detail));
+        figures.extend(courses::distributions(case, detail));
         figures.extend(tables::consistency_figures(case));
-        figures.extend(evaluation::figures(case, several));
+        figures.extend(evaluation::figures(case, detail));
         all.extend(figures.into_iter().map(|f| f.of(&name)));
     }
     if let Some(inertial) = &report.inertial {
@@ -84,11 +182,6 @@ pub fn figures(report: &Report, maps: MapStyle) -> Vec<Figure> {
     }
     make_unique(&mut all);
     all
-}
-
-/// The cases that get figures.
-fn drawn(cases: &[Case]) -> Vec<&Case> {
-    cases.iter().filter(|c| !c.is_empty()).take(DRAWN).collect()
 }
 
 /// Whether `case` is one of `cases`; the same one, as numbers that are missing make all unequal.
@@ -110,15 +203,14 @@ fn row(class: &str, figures: &[Figure]) -> Markup {
     }
 }
 
-fn sections(report: &Report, maps: MapStyle) -> Markup {
-    let cases = &report.cases;
-    let several = cases.len() > 1;
-    let drawn = drawn(cases);
-    let shown = maps::Maps::of(&drawn, maps);
-    let head = |case: &Case| html! { @if several { h3 { (case.name()) } } };
+fn sections(report: &Report, maps: MapStyle, detail: Detail) -> Markup {
+    let drawn = detail.drawn(&report.cases);
+    let tabled = detail.tabled(&report.cases);
+    let shown = maps::Maps::of(&drawn, maps, detail);
+    let head = |case: &Case| html! { @if detail.several { h3 { (case.name()) } } };
     html! {
         h2 { "Errors" }
-        @for case in cases { (head(case)) (tables::errors(case)) }
+        @for case in &tabled { (head(case)) (tables::errors(case)) }
         @if shown.any() {
             h2 { "Over the workspace" }
             p { (shown.says()) }
@@ -130,8 +222,8 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         @if !drawn.is_empty() { h2 { "Over time" } }
         @for case in &drawn {
             (head(case))
-            (row("one", &courses::wide(case, several)))
-            (row("two", &courses::small(case, several)))
+            (row("one", &courses::wide(case, detail)))
+            (row("two", &courses::small(case, detail)))
         }
         @if !drawn.is_empty() {
             h2 { "Distribution" }
@@ -139,7 +231,7 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         }
         @for case in &drawn {
             (head(case))
-            (row("three", &courses::distributions(case, several)))
+            (row("three", &courses::distributions(case, detail)))
         }
         @if drawn.iter().any(|c| c.delay.is_some()) { h2 { "Delay" } }
         @for case in drawn.iter().filter(|c| c.delay.is_some()) {
@@ -152,12 +244,12 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
         }
         @for case in drawn.iter().filter(|c| c.track.is_some()) {
             (head(case))
-            (row("two", &evaluation::track_figures(case, several)))
+            (row("two", &evaluation::track_figures(case, detail)))
         }
         @if drawn.iter().any(|c| c.orientation.is_some()) { h2 { "Orientation against the IMU" } }
         @for case in drawn.iter().filter(|c| c.orientation.is_some()) {
             (head(case))
-            (evaluation::orientation(case))
+            (evaluation::orientation(case, detail))
         }
         h2 { "Covariances" }
         p {
@@ -165,16 +257,16 @@ fn sections(report: &Report, maps: MapStyle) -> Markup {
              confident), with the 95 % band for the effective number of independent poses; share of errors \
              within 1, 2 and 3 σ."
         }
-        @for case in cases {
+        @for case in &tabled {
             (head(case))
             @if is_one_of(&drawn, case) { (row("two", &tables::consistency_figures(case))) }
             (tables::consistency(case))
         }
         h2 { "Scans" }
-        @for case in cases {
+        @for case in &tabled {
             (head(case))
             (tables::scans(case))
-            @if is_one_of(&drawn, case) { (row("three", &evaluation::quality_figures(case, several))) }
+            @if is_one_of(&drawn, case) { (row("three", &evaluation::quality_figures(case, detail))) }
         }
         @if drawn.iter().any(|c| c.stability.is_some()) { h2 { "Standing still" } }
         @for case in drawn.iter().filter(|c| c.stability.is_some()) {
@@ -242,6 +334,66 @@ mod tests {
             assert_eq!(page, write(&report(runs, 10_000), MapStyle::Cells));
             assert!(!page.contains("NaN") && page.contains("a &lt; b"));
         }
+    }
+
+    /// The worst that options make of three runs, and many runs.
+    #[test]
+    fn a_page_is_small_whatever_is_on_it() {
+        let three = [("a", 4.0), ("b", 2.0), ("c", 1.0)];
+        let mut report = report(&three, 4000);
+        for case in &mut report.cases {
+            // As with --imu: three courses more.
+            let trace = &case.axes[5].trace;
+            let angle = |trace: &super::super::Trace| super::super::AngleResult {
+                offset_rad: 0.0,
+                drift_rad_s: 0.0,
+                residual: case.axes[5].statistics,
+                trace: trace.clone(),
+            };
+            let angles = vec![angle(trace), angle(trace), angle(trace)];
+            case.orientation = Some(super::super::Orientation {
+                source: "imu.csv".to_owned(),
+                angles,
+                rates: Vec::new(),
+            });
+        }
+        let page = write(&report, MapStyle::Both);
+        assert!(page.len() <= MOST_BYTES, "{} bytes", page.len());
+        assert!(page.matches("<h3>c</h3>").count() > 5);
+        let first = report.cases[0].clone();
+        for count in [10, 40] {
+            let named = |i: usize| Case {
+                run: format!("run {i}"),
+                ..first.clone()
+            };
+            report.cases = (0..count).map(named).collect();
+            let page = write(&report, MapStyle::Both);
+            assert!(page.len() <= MOST_BYTES, "{count}: {} bytes", page.len());
+            // What is not drawn is named, and every run is in the comparison.
+            assert!(page.contains(&format!("of all {count}, ")), "{count}");
+            let last = format!("run {}", count - 1);
+            assert!(page.contains("figures of ") && page.contains(&last));
+            for i in 0..count {
+                assert!(page.contains(&format!("<td>run {i}</td>")), "{i}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_and_the_last_are_drawn() {
+        let report = report(&[("a", 4.0), ("b", 2.0), ("c", 1.0), ("d", 1.0)], 200);
+        let names = |most: usize| -> Vec<String> {
+            let detail = Detail {
+                drawn: most,
+                ..Detail::levels(&report.cases)[0]
+            };
+            let drawn = detail.drawn(&report.cases);
+            drawn.iter().map(|case| case.name()).collect()
+        };
+        assert_eq!(names(3), ["a", "c", "d"]);
+        assert_eq!(names(2), ["a", "d"]);
+        assert_eq!(names(1), ["d"]);
+        assert_eq!(names(4).len(), 4);
     }
 
     #[test]

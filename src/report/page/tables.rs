@@ -3,11 +3,10 @@
 use super::super::axis::AXES;
 use super::super::case::{Case, Report};
 use super::super::consistency::Consistency;
-use super::super::figure::{self, Interval};
+use super::super::figure::{self, HALF, Interval};
 use super::super::number::{NONE, change, count, fixed};
 use super::super::picture::Figure;
 use super::super::terminal::{ComparisonRow, comparison_rows_of};
-use super::WIDTHS;
 use super::evaluation::more_errors;
 use maud::{Markup, PreEscaped, html};
 
@@ -75,7 +74,7 @@ pub(super) fn consistency_figures(case: &Case) -> Vec<Figure> {
         .filter(|(_, a)| a.consistency.n > 0)
         .map(|(axis, a)| (axis.name.to_owned(), a.within))
         .collect();
-    let size = (WIDTHS[1], 170);
+    let size = (HALF, 170);
     let nees = figure::intervals(
         &values,
         size,

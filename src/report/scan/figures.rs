@@ -1,15 +1,15 @@
 //! The pictures of a scan: to scale, the residuals, the remissions.
 
 use super::{Beam, View};
-use crate::record::{Edge, FittedLine, ReflectorLines};
+use crate::record::{Edge, Face, FittedLine, ReflectorLines};
 use crate::report::canvas::{DrawResult, Drawing, ink};
 use crate::report::drafting::{Plan, free, pen, to_scale};
+use crate::report::figure::WHOLE;
 use crate::report::number::fixed;
 use crate::report::picture::Figure;
 use crate::report::scale::above;
 use crate::report::statistics::percentile;
 
-const WIDTH: u32 = 1072;
 /// Most beams of a scan that have texts for the pointer: more would make the page too large.
 const WITH_TEXT: usize = 1200;
 
@@ -62,7 +62,7 @@ fn drawn(view: &View, texts: bool) -> Drawing {
         let [y, z] = b.at_m;
         y >= u[0] && y <= u[1] && z >= v[0] && z <= v[1]
     };
-    to_scale(WIDTH, u, v, "the scan with its lines and edges", |plan| {
+    to_scale(WHOLE, u, v, "the scan with its lines and edges", |plan| {
         plan.axes(false)?;
         for (name, points) in &view.reflectors {
             plan.say(format!("{name}, from the pose"));
@@ -124,8 +124,10 @@ fn described(beam: &Beam) -> String {
     text
 }
 
-/// The lines in the order of a record.
-pub(super) const NAMES: [&str; 3] = ["right", "upper", "left"];
+/// What the line with this index in a record is called.
+pub(super) fn line_name(k: usize) -> &'static str {
+    Face::ALL.get(k).map_or("", |face| face.name())
+}
 
 /// A line between the outermost beams on it.
 fn fitted(plan: &Plan<'_, '_>, view: &View, k: usize, line: &FittedLine) -> DrawResult {
@@ -145,7 +147,7 @@ fn fitted(plan: &Plan<'_, '_>, view: &View, k: usize, line: &FittedLine) -> Draw
     let at = |along: f64| [d_m * cos - along * sin, d_m * sin + along * cos];
     plan.say(format!(
         "{}: d {} m, alpha {}°, {} points, rms {} mm",
-        NAMES.get(k).unwrap_or(&""),
+        line_name(k),
         fixed(d_m, 4),
         fixed(line.normal.alpha_rad.to_degrees(), 3),
         line.points,
@@ -246,7 +248,7 @@ fn residuals(view: &View) -> Drawing {
         .filter(|r| r.is_finite());
     let limit = above((5.0 * rms.fold(0.0, f64::max)).max(super::LEAST_M) * 1e3);
     free(
-        (WIDTH, 200),
+        (WHOLE, 200),
         angles(view),
         [-limit, limit],
         "residuals over the angle",
@@ -279,7 +281,7 @@ fn remissions(view: &View) -> Drawing {
     let digits = |b: &Beam| b.remission.map(f64::from).filter(|r| r.is_finite());
     let top = above(view.beams.iter().filter_map(digits).fold(0.0, f64::max));
     free(
-        (WIDTH, 180),
+        (WHOLE, 180),
         angles(view),
         [0.0, top],
         "remissions over the angle",

@@ -1,7 +1,8 @@
 //! Scans as text and as JSON.
 
 use super::View;
-use super::figures::{NAMES, edge_text};
+use super::figures::{edge_text, line_name};
+use crate::report::json;
 use crate::report::number::{self, count, fixed};
 use serde_json::{Value, json};
 
@@ -30,7 +31,7 @@ pub fn table(views: &[View], ascii: bool) -> String {
             "line", "d m", "alpha deg", "points", "rms mm", "on line"
         ));
         for (k, line) in lines.lines().into_iter().enumerate() {
-            let name = NAMES.get(k).unwrap_or(&"");
+            let name = line_name(k);
             let on = view
                 .beams
                 .iter()
@@ -63,30 +64,18 @@ pub fn table(views: &[View], ascii: bool) -> String {
 /// None in practice: everything in it can be written.
 pub fn json(source: &str, views: &[View]) -> Result<String, serde_json::Error> {
     let scans: Vec<Value> = views.iter().map(scan).collect();
-    let mut text = serde_json::to_string_pretty(&json!({ "source": source, "scans": scans }))?;
-    text.push('\n');
-    Ok(text)
-}
-
-/// Six decimals of the unit, and null for what has no value.
-fn rounded(value: f64) -> Value {
-    if value.is_finite() {
-        json!((value * 1e6).round() / 1e6 + 0.0)
-    } else {
-        Value::Null
-    }
+    json::text(&json!({ "source": source, "scans": scans }))
 }
 
 fn scan(view: &View) -> Value {
     let of_lines = view.lines.as_ref().map(|lines| {
         let line = |(k, l): (usize, &crate::record::FittedLine)| {
-            let name = NAMES.get(k).unwrap_or(&"");
             json!({
-                "line": name,
-                "d_m": rounded(l.normal.d_m),
-                "alpha_deg": rounded(l.normal.alpha_rad.to_degrees()),
+                "line": line_name(k),
+                "d_m": json::value(l.normal.d_m),
+                "alpha_deg": json::value(l.normal.alpha_rad.to_degrees()),
                 "points": l.points,
-                "rms_mm": rounded(l.rms_m * 1e3),
+                "rms_mm": json::value(l.rms_m * 1e3),
             })
         };
         let edges = lines.edges.iter().map(|e| {
@@ -94,15 +83,15 @@ fn scan(view: &View) -> Value {
                 "face": e.face.name(),
                 "strip": e.strip,
                 "kind": e.kind.name(),
-                "from_deg": rounded(e.from_rad.to_degrees()),
-                "to_deg": rounded(e.to_rad.to_degrees()),
-                "edge_deg": rounded(e.edge_rad.to_degrees()),
-                "sigma_deg": rounded(e.sigma_rad.to_degrees()),
+                "from_deg": json::value(e.from_rad.to_degrees()),
+                "to_deg": json::value(e.to_rad.to_degrees()),
+                "edge_deg": json::value(e.edge_rad.to_degrees()),
+                "sigma_deg": json::value(e.sigma_rad.to_degrees()),
                 "basis": e.basis.name(),
             })
         });
         json!({
-            "range_bias_mm": rounded(lines.range_bias_m * 1e3),
+            "range_bias_mm": json::value(lines.range_bias_m * 1e3),
             "lines": lines.lines().into_iter().enumerate().map(line).collect::<Vec<_>>(),
             "edges": edges.collect::<Vec<_>>(),
         })

@@ -1,7 +1,7 @@
 //! Scans as a page: one, or several to step through without a script.
 
 use super::View;
-use super::figures::{edge_text, figures};
+use super::figures::{edge_text, figures, line_name};
 use crate::report::number::{count, fixed};
 use crate::report::page;
 use maud::{Markup, PreEscaped, html};
@@ -88,9 +88,9 @@ fn of_scan(view: &View, texts: bool) -> Markup {
             table {
                 thead { tr { th { "line" } th { "d, m" } th { "alpha, °" } th { "points" } th { "rms, mm" } } }
                 tbody {
-                    @for (name, line) in ["right", "upper", "left"].into_iter().zip(lines.lines()) {
+                    @for (k, line) in lines.lines().into_iter().enumerate() {
                         tr {
-                            td { (name) } td { (fixed(line.normal.d_m, 4)) } td { (fixed(line.normal.alpha_rad.to_degrees(), 3)) }
+                            td { (line_name(k)) } td { (fixed(line.normal.d_m, 4)) } td { (fixed(line.normal.alpha_rad.to_degrees(), 3)) }
                             td { (line.points) } td { (fixed(line.rms_m * 1e3, 2)) }
                         }
                     }

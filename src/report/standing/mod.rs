@@ -7,25 +7,21 @@
 //! in ten thousand windows. Windows that pass make intervals, the ends of which are cut back where
 //! motion begins.
 //!
-//! The mean of n poses is not n^1/2 times as good as one of them. Its uncertainty here has two parts:
-//!
-//! - what averages out: the scatter about the mean over the number of independent poses, which the
-//!   autocorrelation gives ([`super::effective_number`]), with Student's factor for few of them;
-//! - what does not: the part of the poses' covariance that the scatter does not show. A standing
-//!   platform sees the same beams miss the same edges, and the same wrong pitch, for as long as it
-//!   stands.
-//!
-//! What the covariances themselves leave out (a frame surveyed wrongly) is in neither.
+//! What the mean of a standstill is worth is in [`component`]; what the poses' covariances themselves
+//! leave out (a frame surveyed wrongly) is not in it.
 
+mod component;
 mod outputs;
 #[cfg(test)]
 mod tests;
 
+pub use component::Component;
 pub use outputs::{csv, json, table};
 pub(super) use outputs::{statistic, statistic_exists};
 
 use super::association::Reference;
-use super::consistency::effective_number;
+use super::consistency::chi_squared_quantile;
+use super::measured::{lacking, measured};
 use super::statistics::{percentile, wrap_angle};
 use crate::record::{Pose, Stamp};
 
@@ -48,27 +44,6 @@ impl Default for Criteria {
             still_rad_s: 0.05f64.to_radians(),
         }
     }
-}
-
-/// The mean of one component over a standstill, m or rad.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Component {
-    /// The mean; NaN where no pose has the component.
-    pub mean: f64,
-    /// Its standard deviation: both parts together.
-    pub sigma: f64,
-    /// The part that more poses would make smaller.
-    pub averaging: f64,
-    /// The part that stays however long the platform stands.
-    pub fixed: f64,
-    /// Standard deviation of a single pose about the mean.
-    pub scatter: f64,
-    /// Number of independent poses.
-    pub effective_n: f64,
-    /// Slope over time, m/s or rad/s.
-    pub drift: f64,
-    /// Its standard deviation.
-    pub drift_sigma: f64,
 }
 
 /// One standstill.
@@ -125,10 +100,11 @@ pub struct Found {
     pub without_covariance: bool,
 }
 
-/// A pose in numbers; angles near those of the run's first pose.
+/// What a pose measured, in numbers; angles near the run's first.
 struct Sample {
     stamp: Stamp,
     t_s: f64,
+    /// NaN where not measured.
     value: [f64; 6],
     variance: [f64; 6],
 }
@@ -178,7 +154,7 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
         let within = samples
             .iter()
             .filter(|s| s.stamp >= first.stamp && s.stamp <= last.stamp);
-        let components = std::array::from_fn(|k| component(&inside, k));
+        let components = std::array::from_fn(|k| Component::of(&inside, k));
         if creeps(&components, criteria) {
             found.creeping += 1;
             continue;
@@ -192,24 +168,30 @@ pub fn find(poses: &[Pose], criteria: &Criteria, desired: Option<&Desired>) -> F
             correction: desired.and_then(|d| correction(d, &inside, &components)),
         });
     }
+    for k in 0..6 {
+        let components = found.standing.iter_mut().map(|s| &mut s.components[k]);
+        component::tell_what_stays(components);
+    }
     found
 }
 
 fn samples(poses: &[Pose]) -> Vec<Sample> {
-    let mut first: Option<(Stamp, [f64; 6])> = None;
-    let solved = poses.iter().filter(|p| p.is_solved());
+    let mut start = None;
+    let mut about: [Option<f64>; 6] = [None; 6];
+    let solved = poses.iter().filter(|pose| lacking(pose).is_some());
     let mut samples: Vec<Sample> = solved
         .map(|pose| {
-            let mut value = pose.components();
-            let (start, origin) = *first.get_or_insert((pose.stamp, value));
-            for k in 3..6 {
-                if origin[k].is_finite() {
-                    value[k] = origin[k] + wrap_angle(value[k] - origin[k]);
+            let mut value = measured(pose);
+            // About the first one, so that no angle is torn by the seam.
+            for (angle, about) in value.iter_mut().zip(&mut about).skip(3) {
+                if angle.is_finite() {
+                    let about = *about.get_or_insert(*angle);
+                    *angle = about + wrap_angle(*angle - about);
                 }
             }
             Sample {
                 stamp: pose.stamp,
-                t_s: pose.stamp.since_s(start),
+                t_s: pose.stamp.since_s(*start.get_or_insert(pose.stamp)),
                 value,
                 variance: std::array::from_fn(|k| pose.cov(k, k)),
             }
@@ -343,9 +325,7 @@ fn stands(window: &[Sample], criteria: &Criteria, noise: &[f64; 6]) -> bool {
     if dof == 0.0 {
         return false;
     }
-    // Wilson and Hilferty's cube for the quantile.
-    let v = 2.0 / (9.0 * dof);
-    chi_squared <= dof * (1.0 - v + RARE * f64::sqrt(v)).powi(3)
+    chi_squared <= chi_squared_quantile(dof, RARE)
 }
 
 /// The poses of an interval that agree with it, its ends cut back to where they do.
@@ -378,82 +358,11 @@ fn one_place(before: &[&Sample], after: &[&Sample], criteria: &Criteria) -> bool
         return false;
     }
     (0..6).all(|k| {
-        let [a, b] = [before, after].map(|samples| component(samples, k));
+        let [a, b] = [before, after].map(|samples| Component::of(samples, k));
         let apart = (a.mean - b.mean).abs();
         // What does not average out is the same for both.
         !(apart > 4.0 * a.averaging.hypot(b.averaging) + 1e-6)
     })
-}
-
-/// The mean of a component and what it is worth.
-fn component(samples: &[&Sample], k: usize) -> Component {
-    let known: Vec<&&Sample> = samples.iter().filter(|s| s.value[k].is_finite()).collect();
-    let values: Vec<f64> = known.iter().map(|s| s.value[k]).collect();
-    let n = values.len() as f64;
-    let middle = mean(values.iter().copied());
-    let squares: f64 = values.iter().map(|v| (v - middle).powi(2)).sum();
-    let effective_n = effective_number(&values);
-    // The mean follows correlated values, so that their squares about it are too small.
-    let variance = squares / (n * (1.0 - 1.0 / effective_n)).max(1.0);
-    let freedom = effective_n - 1.0;
-    let student = if freedom > 3.0 {
-        freedom / (freedom - 2.0)
-    } else {
-        3.0
-    };
-    let averaging = (student * variance / effective_n).sqrt();
-    let stated = mean(
-        known
-            .iter()
-            .map(|s| s.variance[k])
-            .filter(|v| v.is_finite() && *v > 0.0),
-    );
-    let fixed = if stated.is_finite() {
-        fixed_variance(stated, variance, effective_n).sqrt()
-    } else {
-        0.0
-    };
-    let [drift, drift_sigma] = drift(&known, k, middle);
-    Component {
-        mean: if k < 3 { middle } else { wrap_angle(middle) },
-        sigma: averaging.hypot(fixed),
-        averaging,
-        fixed,
-        scatter: variance.sqrt(),
-        effective_n,
-        drift,
-        drift_sigma,
-    }
-}
-
-/// The part of a stated variance that the scatter does not show. The scatter of n independent poses
-/// is itself uncertain by sqrt(2 / n) of its square, and the part cannot be negative: this is about
-/// the mean of what it can be (a hyperbola close to the mean of the positive part of a normal number).
-fn fixed_variance(stated: f64, scatter: f64, effective_n: f64) -> f64 {
-    let difference = stated - scatter;
-    let uncertain = scatter * (2.0 / (effective_n - 1.0).max(1.0)).sqrt();
-    // Twice the density of the normal distribution in its middle.
-    let width = 0.797_885 * uncertain;
-    0.5 * (difference + difference.hypot(width))
-}
-
-/// Slope of a component over time and its standard deviation, from what is left without the slope.
-fn drift(known: &[&&Sample], k: usize, middle: f64) -> [f64; 2] {
-    let n = known.len() as f64;
-    let mean_s = mean(known.iter().map(|s| s.t_s));
-    let times: f64 = known.iter().map(|s| (s.t_s - mean_s).powi(2)).sum();
-    let products = known
-        .iter()
-        .map(|s| (s.t_s - mean_s) * (s.value[k] - middle));
-    let slope = products.sum::<f64>() / times;
-    let rest: Vec<f64> = known
-        .iter()
-        .map(|s| s.value[k] - middle - slope * (s.t_s - mean_s))
-        .collect();
-    let effective_n = effective_number(&rest);
-    let squares: f64 = rest.iter().map(|r| r * r).sum();
-    let variance = squares / (n * (1.0 - 2.0 / effective_n)).max(1.0);
-    [slope, (variance * n / (effective_n * times)).sqrt()]
 }
 
 /// Whether an interval as a whole moves surely faster than what counts as standing.

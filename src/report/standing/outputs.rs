@@ -2,15 +2,12 @@
 
 use super::{Criteria, Found, Standing};
 use crate::record::text::push_f64;
-use crate::report::axis::{AXES, Axis};
+use crate::report::axis::{Axis, components};
+use crate::report::json;
 use crate::report::number::{self, count, fixed, signed};
 use serde_json::{Map, Value, json};
 
 const WIDTH: usize = 12;
-
-fn axes() -> impl Iterator<Item = (usize, &'static Axis)> {
-    AXES.iter().take(6).enumerate()
-}
 
 /// The standstills as a table. `ascii` leaves out what is not ASCII.
 pub fn table(source: &str, found: &Found, criteria: &Criteria, ascii: bool) -> String {
@@ -25,7 +22,7 @@ pub fn table(source: &str, found: &Found, criteria: &Criteria, ascii: bool) -> S
         "{:>3} {:>9} {:>8} {:>7}  {:<11}",
         "", "from", "for", "poses", ""
     ));
-    for (_, axis) in axes() {
+    for (_, axis) in components() {
         let unit = format!("{} {}", axis.name, axis.unit);
         out.push_str(&format!("{unit:>WIDTH$}"));
     }
@@ -43,7 +40,7 @@ pub fn table(source: &str, found: &Found, criteria: &Criteria, ascii: bool) -> S
         out.push_str(&head);
         let mut row = |name: &str, indent: &str, value: &dyn Fn(usize, &Axis) -> String| {
             let mut line = format!("{indent}{name:<11}");
-            for (k, axis) in axes() {
+            for (k, axis) in components() {
                 line.push_str(&format!("{:>WIDTH$}", value(k, axis)));
             }
             out.push_str(line.trim_end());
@@ -104,7 +101,7 @@ fn notes(found: &Found, criteria: &Criteria) -> Vec<String> {
 pub fn csv(found: &Found) -> String {
     let mut out = b"interval,first_ns,last_ns,duration_s,poses,left_out".to_vec();
     let unit = |axis: &Axis| if axis.unit == "mm" { "m" } else { "rad" };
-    for (_, axis) in axes() {
+    for (_, axis) in components() {
         let (name, unit) = (axis.name, unit(axis));
         for column in ["", "_sigma", "_averaging", "_fixed", "_scatter"] {
             out.extend(format!(",{name}{column}_{unit}").bytes());
@@ -146,15 +143,6 @@ pub fn csv(found: &Found) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// Six decimals of the unit, and null for what has no value.
-fn rounded(value: f64) -> Value {
-    if value.is_finite() {
-        json!((value * 1e6).round() / 1e6 + 0.0)
-    } else {
-        Value::Null
-    }
-}
-
 /// The standstills as indented JSON with a line feed at its end.
 ///
 /// # Errors
@@ -164,10 +152,10 @@ pub fn json(source: &str, found: &Found, criteria: &Criteria) -> Result<String, 
         let mut fields = Map::new();
         fields.insert("first_ns".to_owned(), json!(s.first.ns()));
         fields.insert("last_ns".to_owned(), json!(s.last.ns()));
-        fields.insert("duration_s".to_owned(), rounded(s.duration_s()));
+        fields.insert("duration_s".to_owned(), json::value(s.duration_s()));
         fields.insert("poses".to_owned(), json!(s.poses));
         fields.insert("left_out".to_owned(), json!(s.left_out));
-        for (k, axis) in axes() {
+        for (k, axis) in components() {
             let (c, u, f) = (&s.components[k], axis.unit, axis.factor);
             let correction = s.correction.map_or(f64::NAN, |d| d[k]);
             let mut of_axis = Map::new();
@@ -182,14 +170,14 @@ pub fn json(source: &str, found: &Found, criteria: &Criteria) -> Result<String, 
                 (format!("drift_sigma_{u}_s"), c.drift_sigma * f),
                 (format!("correction_{u}"), correction * f),
             ] {
-                of_axis.insert(name, rounded(value));
+                of_axis.insert(name, json::value(value));
             }
             fields.insert(axis.name.to_owned(), Value::Object(of_axis));
         }
         let distance_mm = s.distance_m().map_or(f64::NAN, |d| d * 1e3);
         fields.insert(
             "position".to_owned(),
-            json!({ "correction_mm": rounded(distance_mm) }),
+            json!({ "correction_mm": json::value(distance_mm) }),
         );
         Value::Object(fields)
     };
@@ -199,17 +187,15 @@ pub fn json(source: &str, found: &Found, criteria: &Criteria) -> Result<String, 
         "solved": found.poses[0],
         "criteria": {
             "least_s": criteria.least_s,
-            "still_mm_s": rounded(criteria.still_m_s * 1e3),
-            "still_deg_s": rounded(criteria.still_rad_s.to_degrees()),
+            "still_mm_s": json::value(criteria.still_m_s * 1e3),
+            "still_deg_s": json::value(criteria.still_rad_s.to_degrees()),
         },
         "standing": found.standing.len(),
         "creeping": found.creeping,
         "notes": notes(found, criteria),
         "intervals": found.standing.iter().map(interval).collect::<Vec<_>>(),
     });
-    let mut text = serde_json::to_string_pretty(&whole)?;
-    text.push('\n');
-    Ok(text)
+    json::text(&whole)
 }
 
 /// Whether there is a statistic of this name: `standing`, or the largest of a figure over the
@@ -220,7 +206,7 @@ pub(in crate::report) fn statistic_exists(name: &str) -> bool {
 
 fn of_axis(name: &str) -> Option<(usize, &'static Axis, &str)> {
     let (axis_name, rest) = name.split_once('.')?;
-    let (k, axis) = axes().find(|(_, axis)| axis.name == axis_name)?;
+    let (k, axis) = components().find(|(_, axis)| axis.name == axis_name)?;
     let column = rest.strip_suffix(axis.unit)?.strip_suffix('_')?;
     let known = ["sigma", "averaging", "fixed", "scatter", "correction"];
     known.contains(&column).then_some((k, axis, column))

@@ -12,6 +12,7 @@ use super::lag::Delay;
 use super::number::{self, change, count, fixed};
 use super::statistics::Statistics;
 use super::workspace::{CELL_AXES, Cells};
+use map::Shades;
 use std::fmt::Write;
 
 /// What the terminal can show.
@@ -19,11 +20,11 @@ use std::fmt::Write;
 pub struct Style {
     /// Headers in bold.
     pub bold: bool,
-    /// Colours of 24 bits, and UTF-8: the workspace as a picture.
+    /// Colours of 24 bits, and UTF-8: the workspace in colours.
     pub colour: bool,
     /// ASCII only.
     pub ascii: bool,
-    /// The workspace's cells for all of x, y, z and yaw instead of x and yaw.
+    /// The workspace's cells as numbers, of all components, instead of maps of x and yaw.
     pub all_cells: bool,
 }
 
@@ -179,15 +180,19 @@ impl Text {
         if cells.filled().count() < 2 {
             return;
         }
-        if style.colour && !style.all_cells {
-            map::of(cells).iter().for_each(|line| self.line(line));
+        if !style.all_cells {
+            let shades = if style.colour {
+                Shades::Colours
+            } else {
+                Shades::Digits
+            };
+            let lines = map::of(cells, shades);
+            lines.iter().for_each(|line| self.line(line));
             return;
         }
         let cells = cells.coarser(9, 6);
         for (k, i) in CELL_AXES.iter().enumerate() {
-            if style.all_cells || k == 0 || k == 3 {
-                self.cells(&cells, k, &AXES[*i]);
-            }
+            self.cells(&cells, k, &AXES[*i]);
         }
     }
 
@@ -433,8 +438,10 @@ pub(super) fn matching_line(report: &Report, case: &Case) -> String {
         Association::Interpolated => format!("{} interpolated", count(m.interpolated)),
         Association::Nearest => format!("{} to the nearest point", count(m.nearest)),
     };
+    // Only a whole run knows of the poses that have no place.
+    let whole = case.zone.as_ref().map_or("", |_| "of the whole run ");
     format!(
-        "{} poses matched: {} at equal stamps, {between}; {} unmatched",
+        "{whole}{} poses matched: {} at equal stamps, {between}; {} unmatched",
         count(m.matched()),
         count(m.exact),
         count(m.unmatched())

@@ -3,9 +3,9 @@
 use super::super::axis::{AXES, Axis, POSITION, ROTATION};
 use super::super::case::Case;
 use super::super::number::{count, fixed};
-use super::super::quality::FACES;
 use super::super::statistics::Statistics;
 use super::{Rows, SPARK, TITLES, Text, figures, name, spark};
+use crate::record::Face;
 use std::fmt::Write;
 
 impl Text {
@@ -157,7 +157,7 @@ impl Text {
             return;
         };
         let mut line = name("lines");
-        for (face, name) in tally.faces.iter().zip(FACES) {
+        for (face, name) in tally.faces.iter().zip(Face::ALL) {
             let _ = write!(
                 line,
                 "{} {} points, rms {} mm; ",

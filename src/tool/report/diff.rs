@@ -27,9 +27,12 @@ COMPARISON
   field, nan and inf are equal to themselves alone. --tol '*=0' is for values that may be spelt
   differently. Without --tol, --ignore and --key the bytes between the fields count too.
 
+  Files that hold different kinds of records cannot be compared. A column that is named here and in
+  neither file is an error.
+
 EXIT STATUS
-  0 equal; 2 usage; 4 they differ; 65 they cannot be compared, or bad data; 66 no such input;
-  74 I/O error";
+  0 equal; 2 usage, a column that neither file has included; 4 they differ; 65 they cannot be
+  compared, or bad data; 66 no such input; 74 I/O error";
 
 /// Compares two files of records
 #[derive(Clone, Debug, clap::Args)]
@@ -65,8 +68,8 @@ pub struct DiffArgs {
 
 /// What a file is compared as.
 enum Contents {
-    /// Columns of text.
-    Table,
+    /// Columns of text, and the kind of record that has such columns, if any.
+    Table(Option<Kind>),
     /// JSON.
     Tree,
     /// Records of ours.
@@ -106,8 +109,15 @@ fn compare(args: &DiffArgs, rules: &Rules, options: &Options) -> anyhow::Result<
     let names = [names[0].as_str(), names[1].as_str()];
     let [a, b] = &mut files;
     let contents = [contents(a, options)?, contents(b, options)?];
+    let refused = |why: String| -> anyhow::Result<Comparison> {
+        let [a, b] = names;
+        Err(Fault::BadData(format!("{a} and {b} cannot be compared: {why}")).into())
+    };
     let found = match contents {
-        [Contents::Table, Contents::Table] => {
+        [Contents::Table(Some(one)), Contents::Table(Some(other))] if !one.is_like(other) => {
+            return refused(format!("these are {one} and those {other}"));
+        }
+        [Contents::Table(_), Contents::Table(_)] => {
             table::compare(a, b, names, args.key.as_deref(), rules)
         }
         [Contents::Tree, Contents::Tree] => {
@@ -116,19 +126,18 @@ fn compare(args: &DiffArgs, rules: &Rules, options: &Options) -> anyhow::Result<
             b.read_to_end(&mut right)?;
             tree::compare(&left, &right, names, rules)
         }
-        [Contents::Tree, _] | [_, Contents::Tree] => {
-            let why = format!(
-                "{} and {} cannot be compared: one is JSON",
-                names[0], names[1]
-            );
-            return Err(Fault::BadData(why).into());
-        }
+        [Contents::Tree, _] | [_, Contents::Tree] => return refused("one is JSON".to_owned()),
         _ => return records([&args.a, &args.b], names, rules, options),
     };
-    found.map_err(|error| match error {
+    found.map_err(fault)
+}
+
+fn fault(error: DiffError) -> anyhow::Error {
+    match error {
         DiffError::Bad(text) => Fault::BadData(text).into(),
+        DiffError::Unknown(text) => Fault::Usage(text).into(),
         DiffError::Io(error) => error.into(),
-    })
+    }
 }
 
 fn label(path: &Path) -> String {
@@ -144,7 +153,7 @@ fn contents(bytes: &mut Bytes, options: &Options) -> anyhow::Result<Contents> {
     let first = head.iter().find(|b| !b.is_ascii_whitespace());
     Ok(match options.input_format.unwrap_or(sniffed) {
         Encoding::Csv if matches!(first, Some(b'{' | b'[')) => Contents::Tree,
-        Encoding::Csv => Contents::Table,
+        Encoding::Csv => Contents::Table(Kind::in_csv(head)),
         Encoding::Mcap | Encoding::Tum | Encoding::Euroc => Contents::Records,
     })
 }
@@ -195,8 +204,9 @@ fn records(
         })?;
     }
     if left.is_mcap && right.is_mcap {
-        other_topics(&mut comparison, paths, &there, rules, options)?;
+        other_topics(&mut comparison, paths, &there, options)?;
     }
+    comparison.check_rules().map_err(fault)?;
     Ok(comparison)
 }
 
@@ -238,7 +248,6 @@ fn other_topics(
     comparison: &mut Comparison,
     paths: [&PathBuf; 2],
     there: &[There; 2],
-    rules: &Rules,
     options: &Options,
 ) -> anyhow::Result<()> {
     let [a, b] = [topics(paths[0], options)?, topics(paths[1], options)?];
@@ -247,7 +256,7 @@ fn other_topics(
         both.into_iter().any(|kind| kind.is_read_from(topic))
     };
     for (topic, contents) in &a {
-        if rules.ignores(topic) {
+        if comparison.passes_over(topic) {
             continue;
         }
         match b.get(topic) {
@@ -269,11 +278,10 @@ fn other_topics(
             }
         }
     }
-    for topic in b
-        .keys()
-        .filter(|topic| !a.contains_key(*topic) && !rules.ignores(topic))
-    {
-        comparison.only_in(1, &format!("topic {topic}"));
+    for topic in b.keys().filter(|topic| !a.contains_key(*topic)) {
+        if !comparison.passes_over(topic) {
+            comparison.only_in(1, &format!("topic {topic}"));
+        }
     }
     Ok(())
 }
@@ -294,13 +302,14 @@ impl KindVisitor for Compare<'_> {
         let open = |path: &Path| Input::<R>::open_kind(path, kind, self.options);
         let (mut a, mut b) = (open(self.paths[0])?, open(self.paths[1])?);
         let prefix = if self.with_name { kind.name() } else { "" };
+        let columns = self.comparison.columns_of::<R>(prefix);
         let mut count = 0u64;
         loop {
             match (a.next()?, b.next()?) {
                 (Some(a), Some(b)) => {
                     count += 1;
                     let place = || format!("record {count} ({} ns)", a.stamp());
-                    self.comparison.records(&place, prefix, a, b);
+                    self.comparison.records(&columns, &place, a, b);
                 }
                 (None, None) => return Ok(()),
                 (more, _) => {

@@ -1,8 +1,8 @@
 //! What `report` computes of poses: the options, and the inputs beside poses and reference.
 
-use super::inputs;
+use super::inputs::Beside;
 use crate::frame::{Frame, Imu, ImuAxes};
-use crate::record::ImuSample;
+use crate::record::{Axes, ImuSample};
 use crate::report::{
     Align, Alignment, Attitudes, Case, DelayChoice, Delta, DeltaError, Inertial, LineTally, Pairs,
     Recording, Settings, Zone, origin,
@@ -43,7 +43,7 @@ pub struct EvaluationArgs {
     /// A record of the IMU: orientations and rates are compared with it; of a unit at rest, alone or
     /// with poses, Allan deviations beside the 3DM-GX1's data sheet
     #[arg(long, value_name = "FILE")]
-    pub(super) imu: Option<PathBuf>,
+    imu: Option<PathBuf>,
     /// Frame file, for how the IMU is mounted [default: level]
     #[arg(short, long, value_name = "FILE", requires = "imu")]
     frame: Option<PathBuf>,
@@ -110,77 +110,85 @@ fn parse_cell(text: &str) -> Result<f64, String> {
 
 /// An IMU's record, for either use.
 pub(super) struct ImuRecord {
+    /// To compare orientations with.
+    pub(super) attitudes: Attitudes,
+    /// For its noise.
+    pub(super) rest: Rest,
+}
+
+/// An IMU's record of a unit at rest, if it was.
+pub(super) struct Rest {
     recording: Recording,
     source: String,
 }
 
 impl EvaluationArgs {
-    /// Reads what there is beside poses and reference.
+    /// What else is to be read.
+    pub(super) fn beside(&self) -> anyhow::Result<Beside<'_>> {
+        let frame = self.frame.as_deref().map(Frame::read).transpose()?;
+        let axes = ImuAxes::new(&frame.map_or_else(Imu::default, |frame| frame.imu));
+        Ok(Beside {
+            imu: self.imu.as_deref().map(|path| (path, axes)),
+            lines: self.lines.as_deref(),
+        })
+    }
+
+    /// How to evaluate, with what was read beside poses and reference.
     pub(super) fn settings(
         &self,
-        options: &Options,
-    ) -> anyhow::Result<(Settings, Option<ImuRecord>)> {
-        let imu = self.imu.as_deref().map(|path| self.read_imu(path, options));
-        let (attitudes, record) = imu.transpose()?.unzip();
-        let lines = self.lines.as_deref().map(|path| read_lines(path, options));
-        let settings = Settings {
+        align: Align,
+        imu: Option<Attitudes>,
+        lines: Option<LineTally>,
+    ) -> Settings {
+        Settings {
             zones: self.zones.clone(),
             cell_m: self.cell_m,
             min_count: self.min_count,
-            align: self.align()?,
+            align,
             delay: self.delay,
             relative: self.rpe.clone(),
             pairs: self.rpe_pairs,
-            imu: attitudes,
-            lines: lines.transpose()?,
-        };
-        Ok((settings, record))
+            imu,
+            lines,
+        }
     }
 
-    fn align(&self) -> anyhow::Result<Align> {
+    /// The alignment, from its file if it is in one.
+    pub(super) fn align(&self) -> anyhow::Result<Align> {
         let path = match &self.align {
             AlignChoice::Found(align) => return Ok(align.clone()),
             AlignChoice::File(path) => path,
         };
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
-        let given = Alignment::parse(&text)
-            .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
+        let name = path.display();
+        let bytes = std::fs::read(path).map_err(|e| Fault::NoInput(format!("{name}: {e}")))?;
+        let text = String::from_utf8_lossy(&bytes);
+        let given = Alignment::parse(&text).map_err(|e| Fault::BadData(format!("{name}: {e}")))?;
         Ok(Align::Given(Box::new(given)))
-    }
-
-    fn read_imu(&self, path: &Path, options: &Options) -> anyhow::Result<(Attitudes, ImuRecord)> {
-        let frame = self.frame.as_deref().map(Frame::read).transpose()?;
-        let axes = ImuAxes::new(&frame.map_or_else(Imu::default, |frame| frame.imu));
-        let mut input: Input<ImuSample> = Input::open(Some(path), options)?;
-        let (mut recording, mut attitudes) = (Recording::default(), Attitudes::default());
-        while let Some(sample) = input.next()? {
-            recording.push(sample);
-            attitudes.push(&axes.turned(sample, crate::record::Axes::Platform));
-        }
-        let source = origin::input_name(path);
-        let record = ImuRecord {
-            recording,
-            source: source.clone(),
-        };
-        Ok((attitudes.finish(source), record))
     }
 }
 
 impl ImuRecord {
+    /// Reads a record of a unit that is mounted so.
+    pub(super) fn read(path: &Path, axes: &ImuAxes, options: &Options) -> anyhow::Result<Self> {
+        let mut input: Input<ImuSample> = Input::open(Some(path), options)?;
+        let (mut recording, mut attitudes) = (Recording::default(), Attitudes::default());
+        while let Some(sample) = input.next()? {
+            recording.push(sample);
+            attitudes.push(&axes.turned(sample, Axes::Platform));
+        }
+        let source = origin::input_name(path);
+        Ok(ImuRecord {
+            attitudes: attitudes.finish(source.clone()),
+            rest: Rest { recording, source },
+        })
+    }
+}
+
+impl Rest {
     /// The noise of a unit at rest: none where the poses say that it moved.
-    pub(super) fn at_rest(self, cases: &[Case]) -> Option<Inertial> {
+    pub(super) fn noise(self, cases: &[Case]) -> Option<Inertial> {
         let moved = |case: &Case| case.orientation.is_some() && case.stability.is_none();
         let moved = cases.iter().any(moved);
         (!moved).then(|| self.recording.finish(self.source))
     }
-}
-
-fn read_lines(path: &Path, options: &Options) -> anyhow::Result<LineTally> {
-    let mut tally = LineTally::new(origin::input_name(path));
-    let mut input = inputs::open_lines(path, options)?;
-    while let Some(lines) = input.next()? {
-        tally.add(lines);
-    }
-    Ok(tally)
 }

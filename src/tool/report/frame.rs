@@ -7,10 +7,10 @@ use crate::pose::information::{self, Assumptions, EdgeModel, Fan};
 use crate::report::frame::{self, Beams, Place, Survey};
 use crate::report::{Gate, GateError, Layout, origin};
 use crate::simulate::scanner::{self, Scanner};
-use crate::stream::{Fault, Outcome, Stop, WholeFile};
+use crate::stream::{Fault, Outcome, Stop};
 use crate::tool::simulate::dilution::by_remission;
 use crate::tool::values::not_negative;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 EXAMPLES
@@ -123,18 +123,11 @@ fn parse_places(text: &str) -> Result<[usize; 2], String> {
 
 /// Runs the subcommand.
 pub(super) fn run(args: &FrameArgs) -> anyhow::Result<Outcome> {
-    let table = args
-        .output
-        .as_deref()
-        .filter(|path| *path != Path::new("-"));
-    outputs::refuse_one_place(args.html.as_deref(), table)?;
     let frame = Frame::read(&args.frame)?;
     frame::check(&frame).map_err(|(key, why)| {
         Fault::Configuration(format!("{}: {key}: {why}", args.frame.display()))
     })?;
-    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
-    let html = html.transpose()?;
-    let output = WholeFile::open(table)?;
+    let (html, output) = outputs::open(args.html.as_deref(), args.output.as_deref())?;
     let survey = survey(args, frame)?;
     if let Some(html) = html {
         html.finish(frame::page(args.title.as_deref(), &survey))?;
@@ -148,14 +141,8 @@ pub(super) fn run(args: &FrameArgs) -> anyhow::Result<Outcome> {
         frame::table(&survey, args.ascii || !outputs::is_utf8())
     };
     output.finish(&text)?;
-    let mut outcome = Outcome::Done;
-    for verdict in args.fail_if.iter().map(|gate| gate.judge_frame(&survey)) {
-        if verdict.failed {
-            outcome = Outcome::GateFailed;
-            eprintln!("report: {verdict}");
-        }
-    }
-    Ok(outcome)
+    let verdicts = args.fail_if.iter().map(|gate| gate.judge_frame(&survey));
+    Ok(outputs::judged(verdicts))
 }
 
 /// The share of the box that the reference robot's workspace has.
@@ -215,7 +202,7 @@ fn survey(args: &FrameArgs, frame: Frame) -> anyhow::Result<Survey> {
         layout,
         places,
         conditions,
-        command: origin::command_line(std::env::args()),
+        command: origin::own_command_line(),
     })
 }
 

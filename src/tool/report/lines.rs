@@ -149,10 +149,7 @@ fn outcome(args: &LineArgs, scores: &[Score]) -> anyhow::Result<Outcome> {
             let text = format!("--fail-if '{}' names no run", gate.text);
             return Err(Fault::Usage(text).into());
         }
-        for verdict in verdicts.iter().filter(|v| v.failed) {
-            outcome = Outcome::GateFailed;
-            eprintln!("report: {verdict}");
-        }
+        outcome = outcome.and(outputs::judged(verdicts));
     }
     Ok(outcome)
 }

@@ -1,24 +1,48 @@
-//! report's outputs: which characters they may have, and that no two go to one place.
+//! report's outputs: which characters they may have, that no two go to one place, and what is said
+//! of limits.
 
-use crate::stream::Fault;
+use crate::report::Verdict;
+use crate::stream::{Fault, Outcome, WholeFile};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Symbolic links followed from one name to a file; as many as Linux follows.
 const LINKS: usize = 40;
 
-/// Refuses a page and a table at one place, where the second would take the first one's.
-pub(super) fn refuse_one_place(page: Option<&Path>, table: Option<&Path>) -> Result<(), Fault> {
-    let (Some(page), Some(table)) = (page, table) else {
-        return Ok(());
+/// Opens the page, if one is wanted, and the text beside it, which goes to stdout where it has no
+/// file. Both at one place are refused, where the second would take the first one's.
+pub(super) fn open(
+    page: Option<&Path>,
+    text: Option<&Path>,
+) -> anyhow::Result<(Option<WholeFile>, WholeFile)> {
+    let stdout = Path::new("-");
+    let refused = match (page, text.filter(|path| *path != stdout)) {
+        (Some(page), None) if page == stdout => {
+            Some("--html -: the text goes to stdout too; give it a file with -o".to_owned())
+        }
+        (Some(page), Some(text)) if place(page) == place(text) => {
+            let name = page.display();
+            Some(format!(
+                "--html and -o name the same output, {name}: each needs one of its own"
+            ))
+        }
+        _ => None,
     };
-    if place(page) != place(table) {
-        return Ok(());
+    if let Some(why) = refused {
+        return Err(Fault::Usage(why).into());
     }
-    let name = page.display();
-    Err(Fault::Usage(format!(
-        "--html and -o name the same output, {name}: each needs one of its own"
-    )))
+    let page = page.map(|path| WholeFile::open(Some(path))).transpose()?;
+    Ok((page, WholeFile::open(text)?))
+}
+
+/// Says on stderr which limits do not hold.
+pub(super) fn judged(verdicts: impl IntoIterator<Item = Verdict>) -> Outcome {
+    let mut outcome = Outcome::Done;
+    for verdict in verdicts.into_iter().filter(|verdict| verdict.failed) {
+        outcome = Outcome::GateFailed;
+        eprintln!("report: {verdict}");
+    }
+    outcome
 }
 
 /// Whether the locale is one of UTF-8.

@@ -1,6 +1,6 @@
 //! `report`: poses against a true or desired trajectory.
 
-use super::evaluation::EvaluationArgs;
+use super::evaluation::{EvaluationArgs, ImuRecord};
 use super::forms::FormArgs;
 use super::inputs::Inputs;
 use super::pictures::{PictureArgs, parse_maps};
@@ -9,11 +9,11 @@ use crate::report::{
     Association, Case, Gate, Inertial, Limits, MapStyle, Reference, Report, evaluate, merge,
     origin, page, terminal,
 };
-use crate::stream::{Fault, Options, Outcome, Role, WholeFile};
+use crate::stream::{Fault, Options, Outcome, Role};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::parse_duration;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 pub(super) const EXAMPLES: &str = "\
@@ -106,7 +106,7 @@ pub struct PoseArgs {
     /// Title of the page
     #[arg(long, value_name = "TEXT")]
     pub title: Option<String>,
-    /// Print the workspace's cells for y, z, roll and pitch too
+    /// Print the workspace's cells as numbers, of y, z, roll and pitch too, instead of as maps
     #[arg(long)]
     pub cells: bool,
     /// ASCII only [default: where the locale is not UTF-8]
@@ -128,16 +128,7 @@ fn parse_association(text: &str) -> Result<Association, String> {
 /// Runs the tool without a subcommand.
 pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
-    let table = args.common.output.as_deref();
-    let table = table.filter(|path| *path != Path::new("-"));
-    outputs::refuse_one_place(args.html.as_deref(), table)?;
-    if table.is_none() && args.html.as_deref() == Some(Path::new("-")) {
-        let why = "--html -: the table goes to stdout too; give it a file with -o";
-        return Err(Fault::Usage(why.to_owned()).into());
-    }
-    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
-    let html = html.transpose()?;
-    let table = WholeFile::open(table)?;
+    let (html, table) = outputs::open(args.html.as_deref(), args.common.output.as_deref())?;
     let report = make(args, &options)?;
     if let Some(html) = html {
         html.finish(page::write(&report, args.maps))?;
@@ -152,12 +143,13 @@ pub(super) fn run(args: &PoseArgs) -> anyhow::Result<Outcome> {
 
 /// Reads everything and sums it up.
 fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
-    let (settings, imu) = args.evaluation.settings(options)?;
+    let align = args.evaluation.align()?;
+    let beside = args.evaluation.beside()?;
     let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
-    let imu = match imu {
-        Some(record) if alone => return imu_alone(args, record.at_rest(&[])),
-        imu => imu,
-    };
+    if let Some((path, axes)) = beside.imu.as_ref().filter(|_| alone) {
+        let record = ImuRecord::read(path, axes, options)?;
+        return imu_alone(args, record.rest.noise(&[]));
+    }
     let sources = if args.merge {
         origin::parts(&args.poses)
     } else {
@@ -175,7 +167,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         role,
         given: !args.truth.is_empty() || !args.desired.is_empty(),
     };
-    let mut read = inputs::read(&sources, wanted, options)?;
+    let mut read = inputs::read(&sources, wanted, &beside, options)?;
     if args.merge {
         read.runs = merge(read.runs);
     }
@@ -189,7 +181,11 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         runs,
         points: all,
         stages,
+        imu,
+        lines,
     } = read;
+    let (attitudes, rest) = imu.map(|imu| (imu.attitudes, imu.rest)).unzip();
+    let settings = args.evaluation.settings(align, attitudes, lines);
     let limits = Limits {
         association: args.association,
         max_diff_s: args.max_diff.map(|d| d.as_secs_f64()),
@@ -202,7 +198,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
     for export in exports {
         export.write(&cases, &points, role, options)?;
     }
-    let inertial = imu.and_then(|record| record.at_rest(&cases));
+    let inertial = rest.and_then(|rest| rest.noise(&cases));
     let judge = |gate: &Gate| {
         let cases: Vec<&Case> = cases.iter().filter(|c| gate.is_for(c)).collect();
         if cases.is_empty() {
@@ -227,7 +223,7 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
         cases,
         inertial,
         verdicts: verdicts.into_iter().flatten().collect(),
-        command: origin::command_line(std::env::args()),
+        command: origin::own_command_line(),
         date: date(),
     })
 }
@@ -254,7 +250,7 @@ fn imu_alone(args: &PoseArgs, inertial: Option<Inertial>) -> anyhow::Result<Repo
         cases: Vec::new(),
         inertial,
         verdicts: Vec::new(),
-        command: origin::command_line(std::env::args()),
+        command: origin::own_command_line(),
         date: date(),
     })
 }
@@ -285,9 +281,5 @@ fn outcome(report: &Report) -> Outcome {
         outcome = Outcome::Degraded;
         eprintln!("report: {loss}");
     }
-    for verdict in report.verdicts.iter().filter(|v| v.failed) {
-        outcome = Outcome::GateFailed;
-        eprintln!("report: {verdict}");
-    }
-    outcome
+    outcome.and(outputs::judged(report.verdicts.iter().cloned()))
 }

@@ -1,12 +1,12 @@
 //! `report robot`: what poses measured at standing places tell of the robot's pulleys.
 
-use super::outputs;
+use super::{inputs, outputs};
 use crate::frame::edit;
-use crate::record::{Pose, TrajectoryPoint};
+use crate::record::Pose;
 use crate::report::origin;
 use crate::report::robot::Findings;
 use crate::robot::{CalibrationError, Robot, Standing, Unknown, calibrate, places};
-use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
+use crate::stream::{Fault, Outcome, WholeFile, read_all};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
@@ -113,20 +113,22 @@ impl RobotArgs {
 /// Runs the subcommand.
 pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
+    let path = args.poses.as_deref().unwrap_or(Path::new("-"));
+    inputs::refuse_twice([path, args.desired.as_path()].into_iter())?;
     let (belief, text) = Robot::read_with_text(&args.robot)?;
     let corrected = args.corrected.as_deref();
     let corrected = corrected.map(|path| WholeFile::open(Some(path)));
     let corrected = corrected.transpose()?;
     let output = WholeFile::open(args.common.output.as_deref())?;
     // Poses first: with stdin, the rest of the pipeline may still be writing the desired trajectory.
-    let poses: Vec<Pose> = read_all(args.poses.as_deref(), &options)?;
-    let desired = read_desired(&args.desired, &options)?;
+    let poses: Vec<Pose> = read_all(Some(path), &options)?;
+    let desired = inputs::read_desired(&args.desired, &options)?;
     let places = places(&desired, &poses, &args.standing());
     let calibrated = calibrate(&belief, &places, &args.find).map_err(|error| match error {
         CalibrationError::Group(_) => Fault::Usage(format!("--find: {error}")),
         _ => Fault::BadData(error.to_string()),
     })?;
-    let source = origin::input_name(args.poses.as_deref().unwrap_or(Path::new("-")));
+    let source = origin::input_name(path);
     let findings = Findings {
         source: &source,
         robot: &belief.name,
@@ -157,13 +159,4 @@ pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
     };
     output.finish(&text)?;
     Ok(Outcome::Done)
-}
-
-fn read_desired(path: &Path, options: &Options) -> anyhow::Result<Vec<TrajectoryPoint>> {
-    let mut input = Input::open_trajectory(Some(path), Role::Desired, options)?;
-    let mut points = Vec::new();
-    while let Some(point) = input.next()? {
-        points.push(*point);
-    }
-    Ok(points)
 }

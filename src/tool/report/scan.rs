@@ -1,15 +1,13 @@
 //! `report scan`: scans drawn, with what was found in them.
 
-use super::inputs::{is_bad_data, is_pipe, joined};
+use super::inputs::{is_bad_data, is_pipe, joined, refuse_twice};
 use super::outputs;
 use super::pictures::PictureArgs;
 use crate::frame::Frame;
 use crate::record::{Pose, ReflectorLines, Scan};
 use crate::report::scan::{View, figures, json, page, table, view};
 use crate::report::{Figure, origin};
-use crate::stream::{
-    Encoding, Input, Options, Outcome, Role, StreamCopy, WholeFile, copies, read_all,
-};
+use crate::stream::{Encoding, Input, Options, Outcome, Role, StreamCopy, copies, read_all};
 use crate::tool::arguments::CommonArgs;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -78,16 +76,8 @@ pub struct ScanArgs {
 /// Runs the subcommand.
 pub(super) fn run(args: &ScanArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
-    let text_file = args
-        .common
-        .output
-        .as_deref()
-        .filter(|path| *path != Path::new("-"));
-    outputs::refuse_one_place(args.html.as_deref(), text_file)?;
     let frame = args.frame.as_deref().map(Frame::read).transpose()?;
-    let html = args.html.as_deref().map(|path| WholeFile::open(Some(path)));
-    let html = html.transpose()?;
-    let output = WholeFile::open(text_file)?;
+    let (html, output) = outputs::open(args.html.as_deref(), args.common.output.as_deref())?;
     let path = args.scans.clone().unwrap_or_else(|| PathBuf::from("-"));
     let (scans, lines, poses) = read(args, &path, &options)?;
     let views: Vec<View> = scans
@@ -106,7 +96,7 @@ pub(super) fn run(args: &ScanArgs) -> anyhow::Result<Outcome> {
         })
         .collect();
     let name = origin::input_name(&path);
-    let command = origin::command_line(std::env::args());
+    let command = origin::own_command_line();
     if let Some(html) = html {
         html.finish(page(args.title.as_deref(), &name, &views, &command))?;
     }
@@ -153,6 +143,8 @@ type Read = (Vec<Scan>, Vec<ReflectorLines>, Vec<Pose>);
 
 /// Reads all inputs at the same time: they may be branches of one pipeline.
 fn read(args: &ScanArgs, path: &Path, options: &Options) -> anyhow::Result<Read> {
+    let beside = args.lines.iter().chain(&args.poses).map(PathBuf::as_path);
+    refuse_twice([path].into_iter().chain(beside))?;
     let mut halves: [Option<StreamCopy>; 2] = [None, None];
     if args.lines.is_none() && is_pipe(path) {
         halves = copies(Some(path))?.map(Some);

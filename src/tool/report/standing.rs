@@ -1,10 +1,10 @@
 //! `report static`: where a run stands still, and the mean pose of each standstill.
 
-use super::outputs;
-use crate::record::{Pose, TrajectoryPoint};
+use super::{inputs, outputs};
+use crate::record::Pose;
 use crate::report::standing::{self, Criteria, Desired, csv, find, json, table};
 use crate::report::{Gate, GateError, Limits, Reference, origin};
-use crate::stream::{Fault, Input, Options, Outcome, Role, WholeFile, read_all};
+use crate::stream::{Fault, Outcome, WholeFile, read_all};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
@@ -25,8 +25,9 @@ STANDSTILLS
   --still-deg-s: the medians of its two halves differ by no more than the poses' covariances allow. The
   sigma of a mean has two parts: averaging falls with the number of independent poses (from their
   autocorrelation), fixed does not: it is the part of the poses' own covariance that their scatter
-  does not show, as where all beams miss an edge in the same way. Errors of the frame file are in
-  neither. Poses of single scans are wanted: a filter's poses share their past.
+  does not show, as where all beams miss an edge in the same way, as far as all standstills of the
+  run together bear it out. Errors of the frame file are in neither. Poses of single scans are
+  wanted: a filter's poses share their past.
   Names for --fail-if: standing, creeping, and over all standstills the largest x.sigma_mm,
   x.averaging_mm, x.fixed_mm, x.scatter_mm, x.correction_mm (y, z; roll, pitch, yaw in deg),
   position.correction_mm.
@@ -109,12 +110,19 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
     if args.least.is_zero() {
         return Err(Fault::Usage("--least must be above 0".into()).into());
     }
+    let path = args.poses.as_deref().unwrap_or(Path::new("-"));
+    inputs::refuse_twice([path].into_iter().chain(args.desired.as_deref()))?;
     let output = WholeFile::open(args.common.output.as_deref())?;
-    let path = args.poses.clone().unwrap_or_else(|| PathBuf::from("-"));
-    let poses: Vec<Pose> = read_all(Some(&path), &options)?;
+    let poses: Vec<Pose> = read_all(Some(path), &options)?;
     let desired = match (&args.home, &args.desired) {
         (Some(Home(pose)), _) => Some(Desired::Home(*pose)),
-        (None, Some(path)) => Some(Desired::Trajectory(trajectory(path, &options)?)),
+        (None, Some(desired)) => {
+            let points = inputs::read_desired(desired, &options)?;
+            Some(Desired::Trajectory(Reference::new(
+                points,
+                Limits::default(),
+            )))
+        }
         (None, None) => None,
     };
     let criteria = Criteria {
@@ -123,7 +131,7 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
         still_rad_s: args.still_deg_s.to_radians(),
     };
     let found = find(&poses, &criteria, desired.as_ref());
-    let name = origin::input_name(&path);
+    let name = origin::input_name(path);
     let text = if args.json {
         json(&name, &found, &criteria)?
     } else if args.csv {
@@ -133,16 +141,6 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
     };
     output.finish(&text)?;
     Ok(outcome(args, &found, desired.is_some()))
-}
-
-fn trajectory(path: &Path, options: &Options) -> anyhow::Result<Reference> {
-    let mut input: Input<TrajectoryPoint> =
-        Input::open_trajectory(Some(path), Role::Desired, options)?;
-    let mut points = Vec::new();
-    while let Some(point) = input.next()? {
-        points.push(*point);
-    }
-    Ok(Reference::new(points, Limits::default()))
 }
 
 /// Says on stderr what a reader must not miss, and which status that is.
@@ -161,11 +159,6 @@ fn outcome(args: &StandingArgs, found: &standing::Found, wanted: bool) -> Outcom
         outcome = Outcome::Degraded;
         eprintln!("report: {without} standstills have no desired pose at their time");
     }
-    for verdict in args.fail_if.iter().map(|gate| gate.judge_standing(found)) {
-        if verdict.failed {
-            outcome = Outcome::GateFailed;
-            eprintln!("report: {verdict}");
-        }
-    }
-    outcome
+    let verdicts = args.fail_if.iter().map(|gate| gate.judge_standing(found));
+    outcome.and(outputs::judged(verdicts))
 }

@@ -7,6 +7,7 @@ use crate::sick::client::modes::Mode;
 use crate::sick::cola::Dialect;
 use crate::stream::{Fault, Outcome};
 use crate::tool::password;
+use crate::tool::values::positive;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::io::Write;
 use std::path::PathBuf;
@@ -22,10 +23,10 @@ pub struct ConfigureArgs {
     #[arg(long)]
     pub configure: bool,
     /// Scan frequency; goes with --resolution-deg
-    #[arg(long, value_name = "HZ", requires = "resolution_deg", value_parser = positive)]
+    #[arg(long, value_name = "HZ", requires = "resolution_deg", value_parser = parse_fraction)]
     pub frequency_hz: Option<f64>,
     /// Angle from beam to beam; goes with --frequency-hz
-    #[arg(long, value_name = "DEG", requires = "frequency_hz", value_parser = positive)]
+    #[arg(long, value_name = "DEG", requires = "frequency_hz", value_parser = parse_fraction)]
     pub resolution_deg: Option<f64>,
     /// First and last angle that are sent, within -5 and 185
     #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true, value_parser = parse_range)]
@@ -155,18 +156,13 @@ fn on_off() -> impl TypedValueParser<Value = bool> {
     PossibleValuesParser::new(["on", "off"]).map(|text| text == "on")
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    let value = match text.split_once('/') {
-        Some((a, b)) => a
-            .parse::<f64>()
-            .ok()
-            .zip(b.parse::<f64>().ok())
-            .map(|(a, b)| a / b),
-        None => text.parse().ok(),
-    };
-    value
-        .filter(|value| *value > 0.0 && value.is_finite())
-        .ok_or_else(|| "a positive number is wanted, such as 0.5 or 1/3".to_owned())
+/// Reads a positive number or a fraction of two: 0.5, 1/3.
+fn parse_fraction(text: &str) -> Result<f64, String> {
+    let (above, below) = text.split_once('/').unwrap_or((text, "1"));
+    match (positive(above), positive(below)) {
+        (Ok(above), Ok(below)) if (above / below).is_finite() => Ok(above / below),
+        _ => Err("a positive number is wanted, such as 0.5 or 1/3".to_owned()),
+    }
 }
 
 fn parse_range(text: &str) -> Result<[i32; 2], String> {
@@ -197,8 +193,10 @@ mod tests {
         for text in ["", "0", "90,0", "-6,0", "0,186", "a,b", "nan,5"] {
             assert!(parse_range(text).is_err(), "{text}");
         }
-        assert_eq!(positive("1/3").unwrap(), 1.0 / 3.0);
-        assert!(positive("1/0").is_err() && positive("-1").is_err() && positive("x").is_err());
+        assert_eq!(parse_fraction("1/3"), Ok(1.0 / 3.0));
+        for text in ["1/0", "-1", "x", "1/2/3", "1e300/1e-300", "/"] {
+            assert!(parse_fraction(text).is_err(), "{text}");
+        }
     }
 
     #[test]

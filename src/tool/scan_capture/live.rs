@@ -24,8 +24,6 @@ const BACKOFF: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(
 const READY: Duration = Duration::from_secs(60);
 /// No two remarks on lost scans, or on bad pieces, come closer than this.
 const REMARKS_APART: Duration = Duration::from_secs(1);
-/// No limit is further away, so that it can be reckoned with.
-const FOR_EVER: Duration = Duration::from_secs(100 * 366 * 86_400);
 
 /// Why there is no stream (any more).
 #[derive(Debug)]
@@ -97,7 +95,7 @@ impl Settings {
             kind: args.live.kind,
             n_scans: args.n_scans,
             span: args.live.span,
-            wait: args.live.wait.map(|wait| wait.min(FOR_EVER)),
+            wait: args.live.wait,
         }
     }
 }

@@ -63,7 +63,7 @@ pub(super) fn refuse_foreign(written: &clap::ArgMatches) -> Result<(), Fault> {
     let foreign = written.ids().map(clap::Id::as_str).find(|option| {
         let is_written = written.value_source(option) == Some(ValueSource::CommandLine);
         // Groups have capital letters and no option of their own.
-        is_written && !OPTIONS.contains(&option) && !option.starts_with(char::is_uppercase)
+        is_written && !OPTIONS.contains(option) && !option.starts_with(char::is_uppercase)
     });
     foreign.map_or(Ok(()), |option| {
         let option = option.replace('_', "-");

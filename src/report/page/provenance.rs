@@ -1,6 +1,7 @@
 //! Where the numbers come from: the chain of commands, what went wrong on the way, definitions.
 
 use super::super::case::Report;
+use super::super::chain;
 use maud::{Markup, html};
 
 /// The last sections.
@@ -21,13 +22,12 @@ pub(super) fn how(report: &Report) -> Markup {
             }
         }
         h2 { "How it was made" }
-        @for (i, case) in report.cases.iter().enumerate() {
-            @let repeated = report.cases.iter().take(i).any(|c| c.run == case.run);
-            @if !repeated {
-                @for stage in &case.stages { code { (stage) } }
-            }
+        @for input in chain::inputs(report) {
+            p { (input.name) @if input.stages.is_empty() { ": " (chain::UNKNOWN) } }
+            @for stage in input.stages { code { (stage) } }
         }
-        code { (report.command) }
+        @if !report.cases.is_empty() { p { "this report" } }
+        code { (chain::own(report)) }
         @if !report.cases.is_empty() { p {
             "An error is measured minus " (report.role) ", angles the short way round. std is about the bias, \
              with n − 1; MAD is the median of |e − median|, not scaled; p95, p99 and max are of |e|, percentiles \
