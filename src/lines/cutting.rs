@@ -72,3 +72,25 @@ impl<C: Cutter> Extractor for Cutting<C> {
         self.returns.expect(lines);
     }
 }
+
+/// Parts the beams `0..length` where `border` says, and each part again until it names no border
+/// any more; gives out the parts in beam order. `pending` is a buffer to use again.
+pub(super) fn halve(
+    pending: &mut Vec<(usize, usize)>,
+    length: usize,
+    border: impl Fn(usize, usize) -> Option<usize>,
+    mut part: impl FnMut(usize, usize),
+) {
+    pending.clear();
+    pending.push((0, length));
+    while let Some((from, to)) = pending.pop() {
+        match border(from, to) {
+            Some(border) => {
+                // The left half is taken up first.
+                pending.push((border, to));
+                pending.push((from, border));
+            }
+            None => part(from, to),
+        }
+    }
+}

@@ -4,7 +4,7 @@
 //! Collinear neighbours are joined afterwards ([`super::runs`]), which makes it the split-and-merge
 //! of the comparison by Nguyen et al. (2005); Kurniawan 2017, section 4.3.1.
 
-use super::cutting::{Cutter, Cutting};
+use super::cutting::{Cutter, Cutting, halve};
 use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
 use super::runs::{MergeRule, Runs};
@@ -63,22 +63,17 @@ impl Cutter for EndPoints {
 
     fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         self.prefix.read(group);
+        let prefix = &self.prefix;
         let limit_m = self.options.split_sigmas * self.options.common.segmentation.sigma_m;
-        self.pending.clear();
-        self.pending.push((0, group.len()));
-        while let Some((a, b)) = self.pending.pop() {
+        let corner = |a: usize, b: usize| {
             let run = group.run(a, b);
             let farthest = farthest_from_chord(run);
-            if run.len() > 2 && from_chord_m(run, farthest) > limit_m {
-                let corner = (a + farthest).clamp(a + 1, b - 1);
-                // The left half is taken up first, so that runs come out in beam order.
-                self.pending.push((corner, b));
-                self.pending.push((a, corner));
-            } else {
-                let sums = self.prefix.between(a, b);
-                runs.push(offset + a, offset + b, sums);
-            }
-        }
+            let is_corner = run.len() > 2 && from_chord_m(run, farthest) > limit_m;
+            is_corner.then(|| (a + farthest).clamp(a + 1, b - 1))
+        };
+        halve(&mut self.pending, group.len(), corner, |a, b| {
+            runs.push(offset + a, offset + b, prefix.between(a, b));
+        });
     }
 }
 

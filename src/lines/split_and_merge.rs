@@ -7,7 +7,7 @@
 //! microseconds. Each line is then freed of outliers and fitted by maximum likelihood in the ranges
 //! ([`super::fit`]).
 
-use super::cutting::{Cutter, Cutting};
+use super::cutting::{Cutter, Cutting, halve};
 use super::extractor::ExtractorOptions;
 use super::fit::{BeamSlice, PrefixSums};
 use super::runs::{MergeRule, Runs};
@@ -71,24 +71,15 @@ impl Cutter for Splitting {
     fn cut(&mut self, group: BeamSlice<'_>, offset: usize, runs: &mut Runs) {
         self.prefix.read(group);
         let first_run = runs.len();
-        self.pending.clear();
-        self.pending.push((0, group.len()));
-        while let Some((a, b)) = self.pending.pop() {
-            let border = self
-                .farthest_beam(group, a, b)
-                .or_else(|| self.better_as_two(a, b));
-            match border {
-                Some(border) => {
-                    // The left half is taken up first, so that runs come out in beam order.
-                    self.pending.push((border, b));
-                    self.pending.push((a, border));
-                }
-                None => {
-                    let sums = self.prefix.between(a, b);
-                    runs.push(offset + a, offset + b, sums);
-                }
-            }
-        }
+        let mut pending = std::mem::take(&mut self.pending);
+        let border = |a: usize, b: usize| {
+            self.farthest_beam(group, a, b)
+                .or_else(|| self.better_as_two(a, b))
+        };
+        halve(&mut pending, group.len(), border, |a, b| {
+            runs.push(offset + a, offset + b, self.prefix.between(a, b));
+        });
+        self.pending = pending;
         runs.settle_borders(first_run, offset, &self.prefix);
     }
 }

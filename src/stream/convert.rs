@@ -289,19 +289,19 @@ pub fn write_lanes(lanes: &mut [Box<dyn Lane>], mut output: Output) -> anyhow::R
 mod tests {
     use super::*;
     use crate::stream::samples;
+    use crate::stream::scratch::Scratch;
 
     /// What is said to be lost of a pose with everything, written as `to`.
     fn lost_of_a_pose(to: Encoding) -> Vec<&'static str> {
         let options = Options::default();
-        let name = format!("cablepose-convert-{}-{to:?}", std::process::id());
-        let path = std::env::temp_dir().join(name);
+        let dir = Scratch::new(&format!("convert-{to:?}"));
+        let path = dir.file("poses.csv");
         let mut poses = Output::create(&path, Encoding::Csv, &options).unwrap();
         poses.write(&samples::pose()).unwrap();
         poses.finish().unwrap();
         let (mut lanes, _) = lanes(&path, Encoding::Csv, Some(Kind::Poses), &options).unwrap();
         let mut output = Output::create(Path::new("/dev/null"), to, &options).unwrap();
         lanes[0].write_next(&mut output).unwrap();
-        std::fs::remove_file(path).unwrap();
         let losses = lanes[0].losses(to).into_iter();
         losses
             .filter_map(|loss| match loss {

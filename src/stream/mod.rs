@@ -36,6 +36,8 @@ mod ros2;
 mod round_trip_tests;
 #[cfg(test)]
 mod samples;
+#[cfg(test)]
+pub(crate) mod scratch;
 mod side;
 mod topics;
 mod trajectory_text;

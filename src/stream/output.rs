@@ -442,40 +442,23 @@ pub(super) fn stdout_unbuffered() -> impl Write + 'static {
 mod tests {
     use super::*;
     use crate::stream::samples;
-
-    /// A directory of our own in the system's temporary directory, removed at the end.
-    struct Directory(PathBuf);
-
-    impl Directory {
-        fn new(name: &str) -> Directory {
-            let name = format!("cablepose-output-{}-{name}", std::process::id());
-            let path = std::env::temp_dir().join(name);
-            fs::create_dir_all(&path).unwrap();
-            Directory(path)
-        }
-    }
-
-    impl Drop for Directory {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
+    use crate::stream::scratch::Scratch;
 
     #[test]
     fn a_link_stays_a_link() {
-        let dir = Directory::new("link");
-        fs::create_dir(dir.0.join("there")).unwrap();
-        let link = dir.0.join("link.csv");
+        let dir = Scratch::new("output-link");
+        fs::create_dir(dir.file("there")).unwrap();
+        let link = dir.file("link.csv");
         std::os::unix::fs::symlink("there/file.csv", &link).unwrap();
         // The first time the target is not there yet, the second time it is.
         for _ in 0..2 {
             let mut output = Output::create(&link, Encoding::Csv, &Options::default()).unwrap();
-            assert!(dir.0.join("there/file.csv.partial").exists());
+            assert!(dir.file("there/file.csv.partial").exists());
             output.write(&samples::point()).unwrap();
             output.finish().unwrap();
             assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
             assert_eq!(fs::read_to_string(&link).unwrap().lines().count(), 2);
-            assert!(!dir.0.join("there/file.csv.partial").exists());
+            assert!(!dir.file("there/file.csv.partial").exists());
         }
     }
 
@@ -487,14 +470,14 @@ mod tests {
 
     #[test]
     fn two_outputs_cannot_be_one_file() {
-        let dir = Directory::new("twice");
+        let dir = Scratch::new("output-twice");
         let create =
-            |name: &str| Output::create(&dir.0.join(name), Encoding::Csv, &Options::default());
+            |name: &str| Output::create(&dir.file(name), Encoding::Csv, &Options::default());
         let first = create("a").unwrap();
         for same in ["a", "../a", "./a", "a.partial"] {
             let same = same.replace(
                 "..",
-                &format!("../{}", dir.0.file_name().unwrap().display()),
+                &format!("../{}", dir.directory().file_name().unwrap().display()),
             );
             let error = create(&same).err().unwrap();
             assert_eq!(exit::status(&error), 2, "{same}");

@@ -1,4 +1,5 @@
 use super::*;
+use crate::stream::scratch::Scratch;
 use crate::stream::{Encoding, Output};
 use std::io::Write;
 use std::time::Instant;
@@ -9,22 +10,6 @@ fn options() -> Options {
     Options {
         tool: "test",
         ..Options::default()
-    }
-}
-
-/// A file of our own in the system's temporary directory, removed at the end.
-struct Temporary(PathBuf);
-
-impl Temporary {
-    fn new(name: &str) -> Temporary {
-        let name = format!("cablepose-side-{}-{name}", std::process::id());
-        Temporary(std::env::temp_dir().join(name))
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
     }
 }
 
@@ -46,13 +31,14 @@ fn stamps(
 #[test]
 fn a_file_is_looked_up_by_time() {
     for (encoding, name) in [(Encoding::Csv, "a.csv"), (Encoding::Mcap, "a.mcap")] {
-        let file = Temporary::new(name);
-        let mut output = Output::create(&file.0, encoding, &options()).unwrap();
+        let dir = Scratch::new(&format!("side-{name}"));
+        let file = dir.file(name);
+        let mut output = Output::create(&file, encoding, &options()).unwrap();
         for ns in [10, 20, 20, 30] {
             output.write_trajectory(Role::Truth, &point(ns)).unwrap();
         }
         output.finish().unwrap();
-        let mut side = SideInput::open_trajectory(&file.0, Role::Truth, &options()).unwrap();
+        let mut side = SideInput::open_trajectory(&file, Role::Truth, &options()).unwrap();
         let mut at = |ns| stamps(side.around(Stamp::from_ns(ns), NO_WAIT).unwrap());
         assert_eq!(at(5), (None, Some(10)));
         assert_eq!(at(10), (Some(10), Some(20)));
@@ -65,13 +51,14 @@ fn a_file_is_looked_up_by_time() {
 
 #[test]
 fn a_file_is_given_as_far_as_needed() {
-    let file = Temporary::new("until.csv");
-    let mut output = Output::create(&file.0, Encoding::Csv, &options()).unwrap();
+    let dir = Scratch::new("side-until");
+    let file = dir.file("until.csv");
+    let mut output = Output::create(&file, Encoding::Csv, &options()).unwrap();
     for ns in [10, 20, 20, 30, 40] {
         output.write_trajectory(Role::Desired, &point(ns)).unwrap();
     }
     output.finish().unwrap();
-    let mut side = SideInput::<TrajectoryPoint>::open(&file.0, &options()).unwrap();
+    let mut side = SideInput::<TrajectoryPoint>::open(&file, &options()).unwrap();
     let mut upto = |ns| {
         let mut given = Vec::new();
         while let Some(record) = side.next_until(Stamp::from_ns(ns), None).unwrap() {
@@ -96,22 +83,26 @@ fn no_such_file_is_status_66() {
 }
 
 #[cfg(unix)]
+fn made_fifo(dir: &Scratch) -> PathBuf {
+    let fifo = dir.file("fifo");
+    let made = std::process::Command::new("mkfifo").arg(&fifo).status();
+    assert!(made.unwrap().success());
+    fifo
+}
+
+#[cfg(unix)]
 #[test]
 fn a_live_fifo_is_waited_for_no_longer_than_asked() {
-    let fifo = Temporary::new("fifo");
-    let made = std::process::Command::new("mkfifo")
-        .arg(&fifo.0)
-        .status()
-        .unwrap();
-    assert!(made.success());
-    let mut side = SideInput::<TrajectoryPoint>::open(&fifo.0, &options()).unwrap();
+    let dir = Scratch::new("side-fifo");
+    let fifo = made_fifo(&dir);
+    let mut side = SideInput::<TrajectoryPoint>::open(&fifo, &options()).unwrap();
     // Nobody has opened it for writing: opening and asking come back all the same.
     assert_eq!(
         stamps(side.around(Stamp::from_ns(1), NO_WAIT).unwrap()),
         (None, None)
     );
 
-    let mut writer = fs::OpenOptions::new().write(true).open(&fifo.0).unwrap();
+    let mut writer = fs::OpenOptions::new().write(true).open(&fifo).unwrap();
     let header = "stamp_ns,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n";
     writer.write_all(header.as_bytes()).unwrap();
     writer.write_all(b"10,0,0,0,0,0,0\n").unwrap();
@@ -142,14 +133,10 @@ fn a_live_fifo_is_waited_for_no_longer_than_asked() {
 #[cfg(unix)]
 #[test]
 fn a_fault_in_a_fifo_comes_through() {
-    let fifo = Temporary::new("bad-fifo");
-    let made = std::process::Command::new("mkfifo")
-        .arg(&fifo.0)
-        .status()
-        .unwrap();
-    assert!(made.success());
-    let mut side = SideInput::<TrajectoryPoint>::open(&fifo.0, &options()).unwrap();
-    let mut writer = fs::OpenOptions::new().write(true).open(&fifo.0).unwrap();
+    let dir = Scratch::new("side-bad-fifo");
+    let fifo = made_fifo(&dir);
+    let mut side = SideInput::<TrajectoryPoint>::open(&fifo, &options()).unwrap();
+    let mut writer = fs::OpenOptions::new().write(true).open(&fifo).unwrap();
     writer.write_all(b"stamp_ns,x_m\n").unwrap();
     drop(writer);
     let error = side

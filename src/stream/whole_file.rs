@@ -106,15 +106,14 @@ fn named(path: &Path, error: io::Error) -> io::Error {
 mod tests {
     use super::*;
     use crate::stream::exit;
+    use crate::stream::scratch::Scratch;
 
     #[test]
     fn it_is_there_whole_or_not_at_all() {
-        let name = format!("cablepose-text-{}", std::process::id());
-        let dir = std::env::temp_dir().join(name);
-        fs::create_dir_all(&dir).unwrap();
-        let path = dir.join("page.html");
+        let dir = Scratch::new("whole-file");
+        let path = dir.file("page.html");
         fs::write(&path, "old").unwrap();
-        let partial = dir.join("page.html.partial");
+        let partial = dir.file("page.html.partial");
         drop(WholeFile::open(Some(&path)).unwrap());
         assert!(!partial.exists());
         let file = WholeFile::open(Some(&path)).unwrap();
@@ -122,7 +121,7 @@ mod tests {
         // The same name twice, or a place that cannot be written, shows at the start.
         let twice = WholeFile::open(Some(&path)).err().unwrap();
         assert_eq!(exit::status(&twice), 2);
-        let nowhere = WholeFile::open(Some(&dir.join("none/page.html")))
+        let nowhere = WholeFile::open(Some(&dir.file("none/page.html")))
             .err()
             .unwrap();
         assert_eq!(exit::status(&nowhere), 74);
@@ -131,13 +130,12 @@ mod tests {
             "{nowhere}"
         );
         // So does a directory, which has no place for it.
-        let folder = WholeFile::open(Some(&dir)).err().unwrap();
+        let folder = WholeFile::open(Some(dir.directory())).err().unwrap();
         assert_eq!(exit::status(&folder), 74);
         assert!(folder.to_string().ends_with(": is a directory"), "{folder}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         file.finish("new").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
         assert!(!partial.exists());
-        fs::remove_dir_all(&dir).unwrap();
     }
 }

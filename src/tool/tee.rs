@@ -146,13 +146,12 @@ impl Tee {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stream::scratch::Scratch;
 
     #[test]
     fn opens_late_and_is_cut_at_the_end() {
-        let name = format!("cablepose-tee-{}", std::process::id());
-        let dir = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&dir).unwrap();
-        let path = dir.join("run.cola");
+        let dir = Scratch::new("tee");
+        let path = dir.file("run.cola");
         std::fs::write(&path, "old").unwrap();
         let tee = Tee::new("test", Some(&path), Rotation::default());
         let mut tee = tee.borrow_mut();
@@ -169,6 +168,5 @@ mod tests {
         tee.chunk(b"jklm", at);
         tee.finish(Some(4)).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"abcdefghijk");
-        std::fs::remove_dir_all(&dir).unwrap();
     }
 }

@@ -1,7 +1,6 @@
 //! The frame's pictures: seen from the front, its ceiling and its walls, and the maps of what scans
 //! in it can tell.
 
-use super::view;
 use super::{Survey, yaw_range};
 use crate::frame::Strip;
 use crate::record::Face;
@@ -180,7 +179,7 @@ fn described(index: usize, strip: &Strip) -> String {
 
 /// A strip's corners, first along its own axis v, then x.
 fn corners(survey: &Survey, strip: &Strip) -> [[f64; 2]; 4] {
-    let [from, to] = view::extent(strip, &survey.frame);
+    let [from, to] = strip.x_span_m(&survey.frame.bounds);
     let at = |x: f64, side: f64| [strip.offset_m + side * strip.width_m + x * strip.slope(), x];
     [at(from, -0.5), at(from, 0.5), at(to, 0.5), at(to, -0.5)]
 }

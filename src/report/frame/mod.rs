@@ -118,7 +118,7 @@ pub type Mistake = (String, String);
 pub fn check(frame: &Frame) -> Result<(), Mistake> {
     for (i, strip) in frame.strips.iter().enumerate() {
         for (j, plate) in frame.plates.iter().enumerate() {
-            let [from, to] = view::extent(strip, frame);
+            let [from, to] = strip.x_span_m(&frame.bounds);
             let (from, to) = (from.max(plate.x_m[0]), to.min(plate.x_m[1]));
             if strip.face != plate.face || from >= to {
                 continue;
@@ -160,7 +160,7 @@ pub fn gaps(frame: &Frame) -> Vec<Gap> {
         strips.sort_by(|a, b| a.1.offset_m.total_cmp(&b.1.offset_m));
         for pair in strips.windows(2) {
             let [(i, a), (j, b)] = [pair[0], pair[1]];
-            let [ends_a, ends_b] = [a, b].map(|s| view::extent(s, frame));
+            let [ends_a, ends_b] = [a, b].map(|s| s.x_span_m(&frame.bounds));
             let ends = [ends_a[0].max(ends_b[0]), ends_a[1].min(ends_b[1])];
             if ends[0] >= ends[1] {
                 continue;
@@ -193,7 +193,7 @@ pub fn yaw_limits(frame: &Frame, y_m: f64) -> [Option<[f64; 2]>; 2] {
             .map(|p| p.x_m);
         let strips = frame
             .strips_on(face)
-            .map(|(_, strip)| view::extent(strip, frame));
+            .map(|(_, strip)| strip.x_span_m(&frame.bounds));
         let ends = plates
             .chain(strips)
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;

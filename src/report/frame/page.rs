@@ -1,7 +1,7 @@
 //! A survey as a page.
 
+use super::Survey;
 use super::figures::{figures, on_faces};
-use super::{Survey, view};
 use crate::report::axis::AXES;
 use crate::report::number::fixed;
 use crate::report::page;
@@ -108,7 +108,7 @@ fn reflectors(survey: &Survey) -> Markup {
                 @for (i, strip) in survey.frame.strips.iter().enumerate() {
                     tr {
                         td { "strip[" (i) "]" } td { (strip.face.name()) } td { (fixed(strip.offset_m, 3)) } td { (fixed(strip.width_m, 3)) }
-                        td { (fixed(strip.inclination_deg, 2)) } td { (span(view::extent(strip, &survey.frame))) } td {}
+                        td { (fixed(strip.inclination_deg, 2)) } td { (span(strip.x_span_m(&survey.frame.bounds))) } td {}
                     }
                 }
             }

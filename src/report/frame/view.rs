@@ -1,6 +1,6 @@
 //! What the beams of a scanner meet in a frame: which reflector, which edges.
 
-use crate::frame::{Frame, ScannerPose, Strip};
+use crate::frame::{Frame, ScannerPose};
 use crate::record::Face;
 
 /// The beams of a scan.
@@ -41,12 +41,6 @@ pub struct Met {
     pub reflector: Option<Reflector>,
 }
 
-/// From where to where a strip goes along x, m.
-pub fn extent(strip: &Strip, frame: &Frame) -> [f64; 2] {
-    let half_x = 0.5 * frame.bounds.dx_m;
-    strip.x_m.unwrap_or([-half_x, half_x])
-}
-
 /// What the beam at an angle meets first; none where it meets neither wall nor ceiling.
 pub fn met(frame: &Frame, pose: &ScannerPose, angle_rad: f64) -> Option<Met> {
     let crossings = Face::ALL.map(|face| pose.crossing(angle_rad, face).map(|c| (face, c)));
@@ -68,7 +62,7 @@ fn reflector_at(frame: &Frame, face: Face, [x, y, z]: [f64; 3]) -> Option<Reflec
     let v = if face == Face::Upper { y } else { z };
     let strip = frame.strips_on(face).find(|(_, strip)| {
         let off = v - strip.offset_m - x * strip.slope();
-        off.abs() <= 0.5 * strip.width_m && within(x, extent(strip, frame))
+        off.abs() <= 0.5 * strip.width_m && within(x, strip.x_span_m(&frame.bounds))
     });
     if let Some((index, _)) = strip {
         return Some(Reflector::Strip(index));

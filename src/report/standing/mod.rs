@@ -7,8 +7,8 @@
 //! in ten thousand windows. Windows that pass make intervals, the ends of which are cut back where
 //! motion begins.
 //!
-//! What the mean of a standstill is worth is in [`component`]; what the poses' covariances themselves
-//! leave out (a frame surveyed wrongly) is not in it.
+//! What the mean of a standstill is worth is said by a [`Component`]; what the poses' covariances
+//! themselves leave out (a frame surveyed wrongly) is not in it.
 
 mod component;
 mod outputs;
