@@ -408,6 +408,7 @@ fn a_recording_gives_the_same_records() {
         "{}",
         refused.stderr
     );
+    sh(&dir, "imu-read replay run.gx1 --unit nowhere.toml").expect(66);
     // Without what lies beside it.
     std::fs::remove_file(dir.join("run.unit.toml")).unwrap();
     sh(&dir, "imu-read replay run.gx1").expect(2);

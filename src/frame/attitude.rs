@@ -40,8 +40,8 @@ pub fn fixed_axes_to_euler([_, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::crossing::rotation_matrix;
     use super::*;
-    use crate::frame::rotation_matrix;
 
     const ATTITUDES: [[f64; 3]; 4] = [
         [0.0, 0.0, 0.0],

@@ -242,7 +242,7 @@ fn plane(face: Face, bounds: &FrameBox) -> (usize, f64) {
 }
 
 /// Rz(yaw) Ry(pitch) Rx(roll), row by row (Kurniawan 2017, eq. 3.3 to 3.6).
-pub fn rotation_matrix([roll, pitch, yaw]: Vec3) -> [Vec3; 3] {
+pub(super) fn rotation_matrix([roll, pitch, yaw]: Vec3) -> [Vec3; 3] {
     let ((sr, cr), (sp, cp), (sy, cy)) = (roll.sin_cos(), pitch.sin_cos(), yaw.sin_cos());
     [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

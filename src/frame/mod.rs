@@ -29,7 +29,7 @@ pub(crate) mod toml_file;
 
 pub use attitude::{euler_to_fixed_axes, fixed_axes_to_euler};
 pub use config::{Calibration, Frame, FrameBox, Imu, Plate, Scanner, Strip};
-pub use crossing::{Crossing, FaceLine, ScannerPose, rotation_matrix};
+pub use crossing::{Crossing, FaceLine, ScannerPose};
 pub use disc::{disc_centre, disc_share};
 pub use imu_axes::ImuAxes;
 pub use scanner_model::{Optics, ScanMode, ScannerModel};

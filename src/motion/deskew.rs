@@ -61,6 +61,19 @@ pub enum Relation {
     Elsewhere,
 }
 
+/// Where a scan comes in the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// After the last one, of the same motion.
+    Next,
+    /// Of the same motion, but not later than the last one: it teaches nothing.
+    Stray,
+    /// The first one of a motion.
+    First,
+    /// The first one, after a jump.
+    Elsewhere,
+}
+
 /// Place (y, z, roll), velocity, acceleration: three each, in axes along floor and walls.
 const N: usize = 9;
 type State = SVector<f64, N>;
@@ -227,8 +240,12 @@ impl SelfMotion {
         if let Some(expected) = expected {
             let update = expected.update(self.dy_m, &first, assumed);
             if let Some(update) = update.filter(|update| update.distance <= GATE) {
-                let keep = span_s.is_some_and(|s| s > 0.0);
-                return self.settle(expected, update, first, assumed, fit, keep.then_some(None));
+                let place = if span_s.is_some_and(|s| s > 0.0) {
+                    Place::Next
+                } else {
+                    Place::Stray
+                };
+                return self.settle(expected, update, first, assumed, fit, place);
             }
         }
         let mut start = Belief::at(self.dy_m, stamp, &first);
@@ -249,11 +266,15 @@ impl SelfMotion {
         };
         let update = start.update(self.dy_m, &first, assumed)?;
         self.belief = None;
-        self.settle(start, update, first, assumed, fit, Some(Some(jumped)))
+        let place = if jumped {
+            Place::Elsewhere
+        } else {
+            Place::First
+        };
+        self.settle(start, update, first, assumed, fit, place)
     }
 
-    /// Brings motion and lines together, fitting again where the motion was far off. `new` says
-    /// whether the belief is to be kept, and if so, whether it starts anew, and if so, by a jump.
+    /// Brings motion and lines together, fitting again where the motion was far off.
     fn settle(
         &mut self,
         expected: Belief,
@@ -261,7 +282,7 @@ impl SelfMotion {
         mut lines: LineFit,
         mut assumed: ScanMotion,
         fit: &mut impl FnMut(ScanMotion) -> Option<LineFit>,
-        new: Option<Option<bool>>,
+        place: Place,
     ) -> Option<Deskewed> {
         for _ in 1..FITS {
             let off = vector(update.belief.motion()) - vector(assumed);
@@ -277,24 +298,27 @@ impl SelfMotion {
             (lines, assumed) = (again, next);
             update = expected.update(self.dy_m, &lines, assumed)?;
         }
-        let relation = match new.flatten() {
-            Some(true) => Relation::Elsewhere,
-            Some(false) => Relation::Begins,
-            None => {
-                let before = self.belief.filter(|_| self.begun && new.is_some());
+        let relation = match place {
+            Place::Elsewhere => Relation::Elsewhere,
+            Place::First => Relation::Begins,
+            Place::Stray => Relation::GoesOn(None),
+            Place::Next => {
+                let before = self.belief.filter(|_| self.begun);
                 Relation::GoesOn(
                     before.map(|before| before.in_hindsight(&update.belief).known_motion()),
                 )
             }
         };
-        if new.is_some() {
+        let is_kept = place != Place::Stray;
+        if is_kept {
             self.belief = Some(update.belief);
             self.begun = relation == Relation::Begins;
         }
         if let Some(history) = &mut self.history {
-            history.push(match new {
-                Some(_) => Past::Known(update.belief, relation),
-                None => Past::Nothing,
+            history.push(if is_kept {
+                Past::Known(update.belief, relation)
+            } else {
+                Past::Nothing
             });
         }
         Some(update.deskewed(&lines, assumed, relation))

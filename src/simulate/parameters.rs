@@ -2,7 +2,9 @@
 //! them.
 
 use crate::frame::Frame;
+use crate::frame::toml_file::{self, ConfigError, Unsound};
 use serde::Deserialize;
+use std::path::Path;
 
 macro_rules! table {
     ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $field:ident: $type:ty = $value:expr),* $(,)? }) => {
@@ -363,47 +365,23 @@ macro_rules! intervals {
     };
 }
 
-/// A value in an effects file that makes no sense.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ParameterError {
-    /// A number that its key cannot have.
-    #[error("{key}: {value} {wanted}")]
-    Value {
-        /// Table and name.
-        key: &'static str,
-        /// As given.
-        value: f64,
-        /// What would be right.
-        wanted: &'static str,
-    },
-    /// The ends of an interval are in the wrong order.
-    #[error("{key}: {from} lies above {to}")]
-    Turned {
-        /// Table and name.
-        key: &'static str,
-        /// The end that should be the smaller one.
-        from: f64,
-        /// The other one.
-        to: f64,
-    },
-    /// A strip that the frame does not have.
-    #[error(
-        "missing_strip.strips: there is no strip {strip}; the frame has {count}, counted from 0"
-    )]
-    Strip {
-        /// As given.
-        strip: usize,
-        /// The frame's strips.
-        count: usize,
-    },
-}
-
 impl Parameters {
+    /// Reads an effects file for a run in `frame`.
+    ///
+    /// # Errors
+    /// [`ConfigError`].
+    pub fn read(path: &Path, frame: &Frame) -> Result<Parameters, ConfigError> {
+        let text = toml_file::read(path)?;
+        toml_file::parse(&text, path, |parameters: &Parameters| {
+            parameters.check(frame)
+        })
+    }
+
     /// Checks that shares are shares, sizes are not negative, and what is named is in the frame.
     ///
     /// # Errors
-    /// [`ParameterError`], for the first value that makes no sense.
-    pub fn check(&self, frame: &Frame) -> Result<(), ParameterError> {
+    /// Key and reason of the first value that makes no sense.
+    pub(crate) fn check(&self, frame: &Frame) -> Result<(), Unsound> {
         let optional = [
             (
                 "noise.sigma_mm",
@@ -441,24 +419,21 @@ impl Parameters {
         );
         let wrong = |(_, value, rule): &&(&str, f64, Rule)| !rule.allows(*value);
         if let Some((key, value, rule)) = optional.iter().chain(&given).find(wrong) {
-            return Err(ParameterError::Value {
-                key,
-                value: *value,
-                wanted: rule.wanted(),
-            });
+            return Err((key.to_string(), format!("{value} {}", rule.wanted())));
         }
         let intervals = intervals!(self;
             mixed.hit_threshold, mixed.between, cables.range_m, cargo.width_deg, cargo.range_m,
             cargo.between_deg);
         if let Some((key, [from, to])) = intervals.into_iter().find(|(_, [from, to])| from > to) {
-            return Err(ParameterError::Turned { key, from, to });
+            return Err((key.to_owned(), format!("{from} lies above {to}")));
         }
         let count = frame.strips.len();
         match self.missing_strip.strips.iter().find(|k| **k >= count) {
-            Some(strip) => Err(ParameterError::Strip {
-                strip: *strip,
-                count,
-            }),
+            Some(strip) => {
+                let why =
+                    format!("there is no strip {strip}; the frame has {count}, counted from 0");
+                Err(("missing_strip.strips".to_owned(), why))
+            }
             None => Ok(()),
         }
     }
@@ -472,7 +447,7 @@ mod tests {
     fn checked(text: &str) -> Result<(), String> {
         let parameters: Parameters = toml::from_str(text).unwrap();
         let checked = parameters.check(&staged::frame(&[]));
-        checked.map_err(|error| error.to_string())
+        checked.map_err(|(key, why)| format!("{key}: {why}"))
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::frame::Frame;
 use crate::link::HostInstant;
 use crate::motion::{Carrier, CarryMethod, CarryOptions, Inertia};
 use crate::record::{ImuSample, Pose, Stamp, Status, TrajectoryPoint};
-use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage};
+use crate::stream::{self, Emit, Fault, Outcome, Role, SideInput, Stage, StreamRecord};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration, parse_signed_duration, positive};
 use std::path::{Path, PathBuf};
@@ -333,22 +333,12 @@ impl Compensate {
     /// `wanted` what is there.
     fn read_motion(&mut self, needed: Stamp, wanted: Stamp) -> anyhow::Result<()> {
         if let Some((side, wait)) = &mut self.guide {
-            let deadline = Instant::now().checked_add(*wait);
-            while let Some(point) = side.next_until(needed, deadline)? {
-                self.carrier.guide().push(&point);
-            }
-            while let Some(point) = side.next_until(wanted, Some(Instant::now()))? {
-                self.carrier.guide().push(&point);
-            }
+            let guide = self.carrier.guide();
+            read_side(side, *wait, needed, wanted, |point| guide.push(point))?;
         }
         if let Some((side, wait)) = &mut self.imu {
-            let deadline = Instant::now().checked_add(*wait);
-            while let Some(sample) = side.next_until(needed, deadline)? {
-                self.carrier.inertia().push(&sample);
-            }
-            while let Some(sample) = side.next_until(wanted, Some(Instant::now()))? {
-                self.carrier.inertia().push(&sample);
-            }
+            let inertia = self.carrier.inertia();
+            read_side(side, *wait, needed, wanted, |sample| inertia.push(sample))?;
         }
         Ok(())
     }
@@ -356,6 +346,23 @@ impl Compensate {
     fn now(&self) -> Stamp {
         HostInstant::now().utc.plus_s(self.delay_s)
     }
+}
+
+fn read_side<R: StreamRecord>(
+    side: &mut SideInput<R>,
+    wait: Duration,
+    needed: Stamp,
+    wanted: Stamp,
+    mut take: impl FnMut(&R),
+) -> anyhow::Result<()> {
+    let deadline = Instant::now().checked_add(wait);
+    while let Some(record) = side.next_until(needed, deadline)? {
+        take(&record);
+    }
+    while let Some(record) = side.next_until(wanted, Some(Instant::now()))? {
+        take(&record);
+    }
+    Ok(())
 }
 
 impl Stage for Compensate {

@@ -3,7 +3,9 @@
 
 mod args;
 mod cola;
+mod course;
 pub(in crate::tool) mod dilution;
+mod foreign;
 mod jobs;
 mod office;
 mod robot;
@@ -15,8 +17,8 @@ mod unit;
 
 pub use args::Args;
 
-use crate::simulate::{Simulator, Step};
-use crate::stream::{Encoding, Fault, Options, Outcome, Output, Role, Stop};
+use crate::simulate::Step;
+use crate::stream::{Encoding, Options, Outcome, Output, Role, Stop};
 use crate::tool::arguments::Format;
 use clap::CommandFactory;
 use std::path::Path;
@@ -26,7 +28,7 @@ use std::time::{Duration, Instant};
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     // The derived arguments do not tell what was written from what is a default.
     if let Ok(written) = Args::command().try_get_matches_from(std::env::args_os()) {
-        args::refuse_foreign(&args, &written)?;
+        foreign::refuse(&args, &written)?;
     }
     if args.dilution.dilution {
         return dilution::run(&args);
@@ -49,10 +51,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     options.configuration = Some(text);
     let setup = args::setup(&args, frame, &options)?;
     let start = setup.start;
-    let mut simulator = Simulator::new(setup);
-    if simulator.scans() == 0 {
-        return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
-    }
+    let mut simulator = args::simulator(setup)?;
     if let Some(path) = &args.unit.imu_record {
         unit::record(&args, &options, path)?;
     }

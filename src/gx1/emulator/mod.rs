@@ -295,7 +295,7 @@ impl<S: Senses> Emulator<S> {
         }
     }
 
-    /// Does a command and gives its reply.
+    /// Does a command and gives its reply. `reading` is that of the cycle, taken once.
     fn answer(
         &mut self,
         command: Command,
@@ -303,6 +303,46 @@ impl<S: Senses> Emulator<S> {
         cycle: &Cycle,
         reading: &mut Option<Reading>,
     ) -> Vec<u8> {
+        let values = self.carry_out(command, free, cycle);
+        if command.feels() && !self.asked {
+            self.asked = true;
+            self.senses.asked(cycle.begun_ns);
+        }
+        if command.feels() && reading.is_none() {
+            let sample = self.senses.sample(cycle.begun_ns);
+            let offset = self.memory.hard_iron_gauss();
+            *reading = Some(self.sensors.read(&sample, offset));
+        }
+        if command == Command::CollectHardIron
+            && let Some(reading) = reading
+        {
+            self.sensors.collect_hard_iron(reading);
+        }
+        if command == Command::ComputeHardIron {
+            let offset = self.sensors.hard_iron_offset();
+            self.memory.set_hard_iron(offset);
+        }
+        if command.is_bare() {
+            let [value, ..] = values;
+            return packet::encode(command, &[value]).unwrap_or_default();
+        }
+        let gains = self.memory.gains();
+        let word = |word: &Word| match word {
+            Word::Ticks => cycle.tick as u16,
+            Word::Value(k) => values.get(usize::from(*k)).copied().unwrap_or(0),
+            Word::MagMin(_) | Word::MagMax(_) | Word::MagOffset(_) => {
+                self.sensors.hard_iron_word(*word, gains)
+            }
+            word => reading
+                .as_ref()
+                .map_or(0, |reading| reading.word(command, *word, gains)),
+        };
+        let words: Vec<u16> = command.words().iter().map(word).collect();
+        packet::encode(command, &words).unwrap_or_default()
+    }
+
+    /// Does what a command asks for besides measuring; the numbers of its reply.
+    fn carry_out(&mut self, command: Command, free: &[u8], cycle: &Cycle) -> [u16; 3] {
         let mut values = [0; 3];
         match (command, free) {
             (Command::ReadEeprom, [address]) => values[0] = self.memory.get((*address).into()),
@@ -337,45 +377,7 @@ impl<S: Senses> Emulator<S> {
             (Command::StartHardIron, _) => self.sensors.begin_hard_iron(),
             _ => {}
         }
-        if command.feels() && !self.asked {
-            self.asked = true;
-            self.senses.asked(cycle.begun_ns);
-        }
-        if command.feels() && reading.is_none() {
-            let sample = self.senses.sample(cycle.begun_ns);
-            let offset = self.memory.hard_iron_gauss();
-            *reading = Some(self.sensors.read(&sample, offset));
-        }
-        if command == Command::CollectHardIron
-            && let Some(reading) = reading
-        {
-            self.sensors.collect_hard_iron(reading);
-        }
-        if command == Command::ComputeHardIron {
-            let offset = self.sensors.hard_iron_offset();
-            self.memory.set_hard_iron(offset);
-        }
-        let gains = self.memory.gains();
-        let words: Vec<u16> = command
-            .words()
-            .iter()
-            .map(|word| match word {
-                Word::Ticks => cycle.tick as u16,
-                Word::Value(k) => values.get(usize::from(*k)).copied().unwrap_or(0),
-                Word::MagMin(_) | Word::MagMax(_) | Word::MagOffset(_) => {
-                    self.sensors.hard_iron_word(*word, gains)
-                }
-                word => reading
-                    .as_ref()
-                    .map_or(0, |reading| reading.word(command, *word, gains)),
-            })
-            .collect();
-        let words = if command.is_bare() {
-            vec![values[0]]
-        } else {
-            words
-        };
-        packet::encode(command, &words).unwrap_or_default()
+        values
     }
 
     /// Writes a cell; what it then holds.

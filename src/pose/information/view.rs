@@ -13,6 +13,7 @@ const FEW: u32 = 8;
 const BESIDE: f64 = 4.0;
 /// The state, and a strip's level and background.
 const LEVELS: usize = STATE + 2;
+
 /// A scan from one pose.
 pub(super) struct View<'a> {
     frame: &'a Frame,
@@ -62,14 +63,13 @@ impl<'a> View<'a> {
     /// Whether a point of a face is on a plate or a strip.
     fn is_hit(&self, face: Face, p: &[f64; 3]) -> bool {
         let within = |v: f64, [from, to]: [f64; 2]| v >= from && v <= to;
-        let half_x = 0.5 * self.frame.bounds.dx_m;
         let plate = |plate: &crate::frame::Plate| {
             plate.face == face && within(p[0], plate.x_m) && within(p[2], plate.z_m)
         };
         let v = p[along(face)];
         let strip = |(_, strip): (usize, &Strip)| {
             let off = v - strip.offset_m - p[0] * strip.slope();
-            within(p[0], strip.x_m.unwrap_or([-half_x, half_x])) && off.abs() <= 0.5 * strip.width_m
+            within(p[0], strip.x_span_m(&self.frame.bounds)) && off.abs() <= 0.5 * strip.width_m
         };
         self.frame.plates.iter().any(plate) || self.frame.strips_on(face).any(strip)
     }
@@ -155,7 +155,6 @@ impl<'a> View<'a> {
     /// The angle of the beam that meets the edge (root of g).
     fn edge_rad(&self, edge: &Edge) -> Option<f64> {
         let boundary = joint::Boundary::of(edge, self.frame)?;
-        let half_x = 0.5 * self.frame.bounds.dx_m;
         let strip = self.frame.strips.get(edge.strip as usize)?;
         let mut angle = match edge.face {
             Face::Right => 0.0,
@@ -169,7 +168,7 @@ impl<'a> View<'a> {
             angle -= step;
             if step.abs() < 1e-12 {
                 let x = self.pose.crossing(angle, edge.face)?.point_m[0];
-                let [from, to] = strip.x_m.unwrap_or([-half_x, half_x]);
+                let [from, to] = strip.x_span_m(&self.frame.bounds);
                 return (x >= from && x <= to).then_some(angle);
             }
         }

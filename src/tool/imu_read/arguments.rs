@@ -149,7 +149,7 @@ fn commands_for(quantities: &[Quantity], instant: bool) -> Vec<Command> {
 }
 
 /// A command by its number or its name.
-pub fn parse_command(text: &str) -> Result<Command, String> {
+fn parse_command(text: &str) -> Result<Command, String> {
     let by_number = text
         .strip_prefix("0x")
         .and_then(|digits| u8::from_str_radix(digits, 16).ok())
@@ -210,7 +210,7 @@ fn parse_sigma(text: &str) -> Result<f64, String> {
 }
 
 /// Polls a second.
-pub fn parse_rate(text: &str) -> Result<f64, String> {
+fn parse_rate(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|hz: &f64| (0.01..=200.0).contains(hz))

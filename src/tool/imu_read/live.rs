@@ -13,13 +13,11 @@ use crate::gx1::{Command, Mode, Samples, Session, SessionError, Setup, samples, 
 use crate::link::{
     Backoff, Endpoint, HostInstant, LinkError, RecordingError, Rotation, latency_timer,
 };
-use crate::record::Stamp;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::ending::Ending;
 use crate::tool::tee::Tee;
 use crate::tool::values::{parse_duration, parse_rotation};
-use anyhow::Context;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -561,15 +559,4 @@ fn refuse_one_file(tee: &Path, rotation: Rotation, options: &Options) -> anyhow:
         return Err(Fault::Usage(text).into());
     }
     Ok(())
-}
-
-/// The instant of the first byte of nothing: for arrivals that nobody recorded.
-pub(super) const NO_TIME: HostInstant = HostInstant {
-    utc: Stamp::from_ns(0),
-    raw_ns: 0,
-};
-
-/// Adds a file's name to an error of reading it.
-pub(super) fn read_text(path: &Path) -> anyhow::Result<String> {
-    std::fs::read_to_string(path).with_context(|| path.display().to_string())
 }

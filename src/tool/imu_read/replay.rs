@@ -144,7 +144,8 @@ fn find_unit(args: &ReplayArgs) -> anyhow::Result<Option<UnitFile>> {
         (None, Some(beside)) if beside.is_file() => beside,
         _ => return Ok(None),
     };
-    let text = super::live::read_text(&path)?;
+    let text = std::fs::read_to_string(&path)
+        .map_err(|error| Fault::NoInput(format!("{}: {error}", path.display())))?;
     let unit = UnitFile::parse(&text)
         .map_err(|error| Fault::BadData(format!("{}: {error}", path.display())))?;
     Ok(Some(unit))
@@ -271,7 +272,7 @@ fn piece(arrivals: Option<&Arrivals>, place: u64, length: usize) -> (HostInstant
             let size = usize::try_from(end.saturating_sub(place)).unwrap_or(usize::MAX);
             (at, size.clamp(1, length))
         }
-        None => (super::live::NO_TIME, length),
+        None => (HostInstant::default(), length),
     }
 }
 

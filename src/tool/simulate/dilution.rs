@@ -1,7 +1,8 @@
 //! `simulate --dilution`: how well single scans can tell the pose over the workspace, predicted from
 //! the information in them; no scan is simulated.
 
-use super::args::{self, Args, CourseArgs};
+use super::args::{self, Args};
+use super::course::CourseArgs;
 use crate::frame::Frame;
 use crate::pose::information::{self, Assumptions, EdgeModel, Fan, Remissions};
 use crate::record::text::push_f64;
@@ -98,12 +99,6 @@ fn fan(args: &Args, frame: &mut Frame) -> anyhow::Result<Fan> {
 /// The map's places (y, z), m: row after row from the bottom.
 fn positions(course: &CourseArgs) -> anyhow::Result<Vec<[f64; 2]>> {
     let step_m = course.step_m;
-    if !(step_m > 0.0) {
-        return Err(Fault::Usage("--step-m must be above 0".into()).into());
-    }
-    if !(course.tilt_deg >= 0.0 && course.tilt_deg.is_finite()) {
-        return Err(Fault::Usage("--tilt-deg must not be negative".into()).into());
-    }
     // Both ends are included where they fit.
     let count = |[from, to]: [f64; 2]| ((to - from) / step_m + 1e-9).floor() as usize + 1;
     let (columns, rows) = (count(course.y_range), count(course.z_range));

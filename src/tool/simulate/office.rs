@@ -124,6 +124,6 @@ fn setup(args: &Args) -> anyhow::Result<Setup> {
         seed: Seed(args.seed),
         start: Stamp::from_ns(args.start_ns().unwrap_or(START_NS)),
         scans: args.n_scans().unwrap_or(SCANS),
-        scans_per_place: args.scans_per_pose(),
+        scans_per_place: args.course.scans_per_pose,
     })
 }

@@ -11,7 +11,6 @@ use crate::record::Stamp;
 use crate::sick::cola::Dialect;
 use crate::sick::emulator::recording::Recording;
 use crate::sick::emulator::{Behaviour, Emulator, Identity, Source, Speech};
-use crate::simulate::Simulator;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -120,10 +119,7 @@ pub(super) fn view(
         );
         return Err(Fault::Usage(text).into());
     }
-    let simulator = Simulator::new(setup);
-    if simulator.scans() == 0 {
-        return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
-    }
+    let simulator = args::simulator(setup)?;
     let sides = Sides::open(args, options)?;
     let simulation = Simulation::new(simulator, start, index_to_first_beam_s, sides, origin);
     Ok((View::Simulation(Box::new(simulation)), model, mode))

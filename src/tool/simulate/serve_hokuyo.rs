@@ -3,14 +3,14 @@
 use super::serve::announce;
 use super::serve_args::{Address, ServeArgs};
 use super::source::Simulation;
-use super::{Args, Sides};
+use super::{Args, Sides, args};
 use crate::hokuyo::PORT;
 use crate::hokuyo::emulator::{Behaviour, Emulator};
 use crate::hokuyo::scip::Parameters;
 use crate::link::LinkError;
 use crate::link::emulation::{Conditions, Emulation};
 use crate::sick::emulator::TransmitStamp;
-use crate::simulate::{Setup, Simulator};
+use crate::simulate::Setup;
 use crate::stream::{Fault, Options, Outcome, Stop};
 use std::time::Duration;
 
@@ -24,10 +24,7 @@ pub(super) fn run(args: &Args, setup: Setup, options: &Options) -> anyhow::Resul
     let serve = &args.serve;
     refuse_foreign(serve)?;
     let (start, index_to_first_beam_s) = (setup.start, setup.frame.scanner.index_to_first_beam_s);
-    let simulator = Simulator::new(setup);
-    if simulator.scans() == 0 {
-        return Err(Fault::Usage("the trajectory is too short for one scan".into()).into());
-    }
+    let simulator = args::simulator(setup)?;
     let sides = Sides::open(args, options)?;
     let source = Simulation::new(simulator, start, index_to_first_beam_s, sides, None);
     let behaviour = Behaviour {
