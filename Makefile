@@ -107,7 +107,13 @@ golden:
 .PHONY: bench
 bench: build
 	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) benches/chain
+	@BIN=$(TARGET)/release OUT=$(TARGET)/bench FRAME=$(FRAME) $(PYTHON) benches/report
 	$(CARGO) bench --locked --bench streams --bench lines --bench decode --bench simulate
+
+## bench-memory: memory of a chain while ten million scans pass, SCANS=10000000 (10 minutes)
+.PHONY: bench-memory
+bench-memory: build
+	@BIN=$(TARGET)/release FRAME=$(FRAME) $(PYTHON) benches/memory
 
 ## lines-table: the dissertation's table of line extractors with ours beside it, and its modified Hough transform against the whole one
 .PHONY: lines-table

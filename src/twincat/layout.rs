@@ -412,14 +412,7 @@ mod tests {
     /// As TwinCAT tells of `b0: BIT; b1: BIT; x: LREAL`: a bit's size and place are in bits.
     #[test]
     fn single_bits_are_not_written() {
-        let member = |name: &str, type_name: &str, size, offset, base| DataType {
-            name: name.into(),
-            type_name: type_name.into(),
-            size,
-            offset,
-            base,
-            ..DataType::default()
-        };
+        let member = DataType::member;
         let bits = DataType {
             size: 16,
             members: vec![
@@ -506,14 +499,7 @@ mod tests {
 
     #[test]
     fn structures_are_taken_apart() {
-        let member = |name: &str, type_name: &str, size, offset, base| DataType {
-            name: name.into(),
-            type_name: type_name.into(),
-            size,
-            offset,
-            base,
-            ..DataType::default()
-        };
+        let member = DataType::member;
         let inner = DataType {
             size: 16,
             members: vec![member("a", "LREAL", 8, 0, 5), member("b", "LREAL", 8, 8, 5)],

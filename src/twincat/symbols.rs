@@ -255,19 +255,33 @@ pub fn all(client: &mut Client, timeout: Duration) -> Result<Vec<Symbol>, Client
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn a_struct() -> DataType {
-        let member = |name: &str, type_name: &str, size, offset, base| DataType {
+impl DataType {
+    /// A member, as the tests of symbols and layouts build their structures from.
+    pub(super) fn member(
+        name: &str,
+        type_name: &str,
+        size: u32,
+        offset: u32,
+        base: u32,
+    ) -> DataType {
+        DataType {
             name: name.into(),
             type_name: type_name.into(),
             size,
             offset,
             base,
             ..DataType::default()
-        };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn a_struct() -> DataType {
+        let member = DataType::member;
         DataType {
             name: "ST_Pose".into(),
             size: 24,
