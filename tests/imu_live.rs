@@ -409,6 +409,18 @@ fn a_recording_gives_the_same_records() {
         refused.stderr
     );
     sh(&dir, "imu-read replay run.gx1 --unit nowhere.toml").expect(66);
+    // What the unit file says wrongly may be stated.
+    let edit = "sed -i 's/rate_gain = .*/rate_gain = 64/; s/tick_factors = .*/tick_factors = [0, 0, 0, 0]/' \
+                run.unit.toml; imu-read replay run.gx1";
+    for (stated, option) in [("", "--gains"), ("--gains 8500,10000,2000", "--tick")] {
+        let refused = sh(&dir, &format!("{edit} {stated}")).expect(65);
+        assert!(refused.stderr.contains(option), "{}", refused.stderr);
+    }
+    sh(
+        &dir,
+        "imu-read replay run.gx1 --gains 8500,10000,2000 --tick 2ms",
+    )
+    .expect(3);
     // Without what lies beside it.
     std::fs::remove_file(dir.join("run.unit.toml")).unwrap();
     sh(&dir, "imu-read replay run.gx1").expect(2);
@@ -532,6 +544,23 @@ fn bias_tare_rate_check() {
     let rate = sh(&dir, "imu-read rate ./imu").expect(0);
     assert!(rate.text().starts_with("tick 10 ms"), "{}", rate.text());
     sh(&dir, "imu-read rate ./imu --tick 1us").expect(2);
+    // Nobody reads what was done: all four cells are written even so.
+    for ask in [
+        "rate ./imu --tick 20ms --yes",
+        "tare ./imu",
+        "bias ./imu --yes",
+    ] {
+        sh(&dir, &format!("imu-read {ask} > /dev/full")).expect(74);
+    }
+    let rate = sh(&dir, "imu-read rate ./imu").expect(0);
+    assert!(rate.text().starts_with("tick 20 ms"), "{}", rate.text());
+    // Cells that make no sense are shown, and mended by what sets them.
+    sh(&dir, "imu-read eeprom set ./imu tick-factor-3 1 --yes").expect(0);
+    sh(&dir, "imu-read info ./imu").expect(0);
+    sh(&dir, "imu-read -n 1 ./imu").expect(69);
+    sh(&dir, "imu-read rate ./imu --tick 10ms --yes").expect(0);
+    let rate = sh(&dir, "imu-read rate ./imu").expect(0);
+    assert!(rate.text().starts_with("tick 10 ms"), "{}", rate.text());
     // The stand-in is level and says -1 g on Z.
     let check = sh(&dir, "imu-read check ./imu -n 3").expect(0);
     assert!(

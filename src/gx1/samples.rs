@@ -51,8 +51,10 @@ pub struct SampleCounts {
     pub replies: u64,
     /// Replies missing by the ticks.
     pub lost: u64,
-    /// The same reply again.
+    /// Replies of the leading command that came again, counted in `replies` as well.
     pub repeated: u64,
+    /// Polled replies beside them whose sample had gone out, or had one such reply already.
+    pub late: u64,
     /// Replies whose ticks fit nothing around them.
     pub implausible: u64,
     /// Times the unit was switched off and on.
@@ -306,9 +308,9 @@ impl Samples {
         let command = arrived.packet.command();
         let mut pending = match self.pending.remove(&ticks) {
             Some(pending) => pending,
-            // The sample of that cycle has gone out: the reply comes twice. Samples do not go back.
+            // The sample of that cycle has gone out, and samples do not go back.
             None if ticks <= self.gone_ticks => {
-                self.counts.repeated += 1;
+                self.counts.late += 1;
                 return;
             }
             None => {
@@ -324,7 +326,7 @@ impl Samples {
             }
         };
         if pending.commands.contains(&command) {
-            self.counts.repeated += 1;
+            self.counts.late += 1;
         } else {
             pending.commands.push(command);
             pending.sample.received = Some(arrived.at.utc);
@@ -577,7 +579,11 @@ mod tests {
         let taken = taken(&mut samples);
         assert_eq!(taken.len(), 20);
         assert!(taken.windows(2).all(|pair| pair[0].stamp < pair[1].stamp));
-        assert_eq!(samples.counts().repeated, 2 * 9);
+        let counts = samples.counts();
+        assert_eq!(
+            (counts.replies, counts.repeated, counts.late),
+            (20, 0, 2 * 9)
+        );
     }
 
     #[test]

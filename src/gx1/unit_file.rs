@@ -94,8 +94,6 @@ impl UnitFile {
         {
             return Err(UnitFileError::Rate(hz));
         }
-        file.gains().check()?;
-        file.tick().check()?;
         Ok(file)
     }
 
@@ -116,18 +114,25 @@ impl UnitFile {
         std::fs::write(&path, self.text()).map_err(|error| RecordingError::new(&path, &error))
     }
 
-    /// The gains.
-    pub fn gains(&self) -> Gains {
-        Gains {
+    /// The gains. They are looked at here and not when the file is read, for whoever states others.
+    ///
+    /// # Errors
+    /// [`UnitFileError::Gains`].
+    pub fn gains(&self) -> Result<Gains, UnitFileError> {
+        let gains = Gains {
             accel: self.accel_gain,
             rate: self.rate_gain,
             mag: self.mag_gain,
-        }
+        };
+        Ok(gains.check()?)
     }
 
-    /// The tick.
-    pub fn tick(&self) -> TickFactors {
-        TickFactors(self.tick_factors)
+    /// The tick, likewise.
+    ///
+    /// # Errors
+    /// [`UnitFileError::Tick`].
+    pub fn tick(&self) -> Result<TickFactors, UnitFileError> {
+        Ok(TickFactors(self.tick_factors).check()?)
     }
 
     /// The commands.
@@ -198,12 +203,29 @@ mod tests {
             (refused(|file| file.commands.clear()), "commands"),
             (refused(|file| file.poll_hz = Some(0.0)), "poll_hz"),
             (refused(|file| file.poll_hz = Some(f64::NAN)), "poll_hz"),
-            (refused(|file| file.accel_gain = 0), "cell 230"),
-            (refused(|file| file.rate_gain = 64), "3DM-G"),
-            (refused(|file| file.tick_factors[3] = 0), "tick factors"),
         ] {
             assert!(why.contains(name), "{name}: {why}");
         }
+    }
+
+    #[test]
+    fn senseless_gains_and_ticks_are_no_ones_that_are_asked_for() {
+        let identity = Identity {
+            firmware: None,
+            serial: 1,
+        };
+        let good = UnitFile::new(identity, 38_400, Gains::FACTORY, TickFactors::FACTORY);
+        assert_eq!(good.gains().unwrap(), Gains::FACTORY);
+        assert_eq!(good.tick().unwrap(), TickFactors::FACTORY);
+        let mut bad = good.clone();
+        bad.accel_gain = 0;
+        assert!(bad.gains().unwrap_err().to_string().contains("cell 230"));
+        bad.accel_gain = Gains::FACTORY.accel;
+        bad.rate_gain = 64;
+        assert!(bad.gains().unwrap_err().to_string().contains("3DM-G"));
+        bad.tick_factors[3] = 0;
+        let why = bad.tick().unwrap_err().to_string();
+        assert!(why.contains("tick factors"), "{why}");
     }
 
     #[test]

@@ -293,6 +293,10 @@ impl Unit {
             _ => words(command, ticks),
         };
         drop(state);
+        if command == Command::WriteEepromChecked {
+            // Cycles may be of another length now: what has passed are as many of those.
+            self.cycle = self.now_cycle();
+        }
         if let Some(reply) = packet::encode(command, &words) {
             self.queue.push_back(reply);
         }

@@ -173,16 +173,27 @@ impl Session {
         })
     }
 
+    /// What the cells of the tick hold, whatever it is.
+    ///
+    /// # Errors
+    /// [`SessionError::NoAnswer`].
+    pub fn tick_factors(
+        &mut self,
+        interrupted: Interrupted<'_>,
+    ) -> Result<TickFactors, SessionError> {
+        let mut factors = [0; 4];
+        for (factor, address) in factors.iter_mut().zip(eeprom::TICK_CELLS) {
+            *factor = self.cell(address, interrupted)?;
+        }
+        Ok(TickFactors(factors))
+    }
+
     /// The unit's tick.
     ///
     /// # Errors
     /// [`SessionError::Tick`] where it makes no sense.
     pub fn tick(&mut self, interrupted: Interrupted<'_>) -> Result<TickFactors, SessionError> {
-        let mut factors = [0; 4];
-        for (factor, address) in factors.iter_mut().zip(eeprom::TICK_CELLS) {
-            *factor = self.cell(address, interrupted)?;
-        }
-        let tick = TickFactors(factors);
+        let tick = self.tick_factors(interrupted)?;
         tick.check().map_err(|reason| SessionError::Tick {
             place: self.place().to_owned(),
             reason,

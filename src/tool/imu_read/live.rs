@@ -454,11 +454,12 @@ impl Live {
         let counts = samples.counts();
         if self.options.verbose > 0 {
             eprintln!(
-                "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} implausible, {} \
+                "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} late, {} implausible, {} \
                  bytes skipped, {} bad sums, {} reconnections",
                 written,
                 counts.lost,
                 counts.repeated,
+                counts.late,
                 counts.implausible,
                 self.past.skipped,
                 self.past.bad_sums,

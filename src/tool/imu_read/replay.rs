@@ -6,7 +6,7 @@ use super::packets;
 use super::sink::Sink;
 use crate::gx1::framer::Framer;
 use crate::gx1::ticks::TickFactors;
-use crate::gx1::unit_file::{self, UnitFile};
+use crate::gx1::unit_file::{self, UnitFile, UnitFileError};
 use crate::gx1::{Arrived, Command, Gains, Mode, Samples, Setup};
 use crate::link::{Arrivals, HostInstant};
 use crate::record::Stamp;
@@ -101,11 +101,12 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<Outcome> {
     let framed = framer.counts();
     if options.verbose > 0 {
         eprintln!(
-            "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} implausible, {} bytes \
+            "{NAME}: {} samples, {} replies lost by the ticks, {} repeated, {} late, {} implausible, {} bytes \
              skipped, {} bad sums",
             written,
             counts.lost,
             counts.repeated,
+            counts.late,
             counts.implausible,
             framed.skipped + framer.pending() as u64,
             framed.bad_sums,
@@ -159,8 +160,19 @@ fn setup(args: &ReplayArgs, unit: Option<&UnitFile>) -> anyhow::Result<Setup> {
         );
         anyhow::Error::from(Fault::Usage(text))
     };
-    let gains = args.samples.gains.or(unit.map(UnitFile::gains));
-    let tick = args.tick.or(unit.map(UnitFile::tick));
+    let unsound = |option: &'static str| {
+        move |error: UnitFileError| {
+            Fault::BadData(format!("the unit file: {error}; {option} states another"))
+        }
+    };
+    let gains = match (args.samples.gains, unit) {
+        (None, Some(unit)) => Some(unit.gains().map_err(unsound("--gains"))?),
+        (stated, _) => stated,
+    };
+    let tick = match (args.tick, unit) {
+        (None, Some(unit)) => Some(unit.tick().map_err(unsound("--tick"))?),
+        (stated, _) => stated,
+    };
     let commands = match unit {
         Some(unit) if args.commands.is_default() => unit
             .measurements()
@@ -186,9 +198,13 @@ fn print_packets(
     unit: Option<&UnitFile>,
     stop: &Stop,
 ) -> anyhow::Result<Outcome> {
-    let gains = args.samples.gains.or(unit.map(UnitFile::gains));
-    let gains = gains.unwrap_or_else(|| {
-        eprintln!("{NAME}: the unit's gains are not known: those of the factory stand for them");
+    let known = unit.and_then(|unit| unit.gains().ok());
+    let gains = args.samples.gains.or(known).unwrap_or_else(|| {
+        if !options.quiet {
+            eprintln!(
+                "{NAME}: the unit's gains are not known: those of the factory stand for them"
+            );
+        }
         Gains::FACTORY
     });
     let mut framer = Framer::new(args.baud.unwrap_or(38_400));

@@ -208,7 +208,7 @@ fn fault(error: &SessionError, stop: &Stop) -> anyhow::Error {
 pub(super) fn info(args: InfoArgs) -> anyhow::Result<Outcome> {
     let mut asked = Asked::open(&args.unit)?;
     let identity = asked.ask(Session::identity)?;
-    let tick = asked.ask(Session::tick)?;
+    let tick = asked.ask(Session::tick_factors)?;
     let mut cells = Vec::new();
     for cell in eeprom::CELLS {
         cells.push((cell, asked.cell(cell.address)?));
@@ -327,7 +327,9 @@ fn set(
     let mut asked = Asked::open(unit)?;
     let before = asked.cell(address)?;
     write_cell(asked, unit, address, value)?;
-    println!("cell {address}{name}: {before} -> {value}, read back");
+    print_line(&format!(
+        "cell {address}{name}: {before} -> {value}, read back"
+    ))?;
     Ok(Outcome::Done)
 }
 
@@ -367,8 +369,12 @@ fn print_request(unit: &UnitArgs, command: Command, free: &[u8]) -> anyhow::Resu
         *first = command.bus_byte(address).ok_or(Fault::Usage(text))?;
     }
     let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    println!("{} would be sent as {}", command, bytes.join(" "));
-    Ok(())
+    print_line(&format!("{command} would be sent as {}", bytes.join(" ")))
+}
+
+/// A line of stdout, whose reader may have left.
+fn print_line(text: &str) -> anyhow::Result<()> {
+    Ok(writeln!(io::stdout().lock(), "{text}")?)
 }
 
 fn nothing_sent() -> Outcome {
@@ -399,7 +405,7 @@ pub(super) fn bias(args: BiasArgs) -> anyhow::Result<Outcome> {
     let after = mean_rate(&mut asked, gains)?;
     for (name, rate) in [("before", before), ("after", after)] {
         let [x, y, z] = rate.mean_rad_s;
-        println!("mean rate {name}: {x:+.5} {y:+.5} {z:+.5} rad/s");
+        print_line(&format!("mean rate {name}: {x:+.5} {y:+.5} {z:+.5} rad/s"))?;
     }
     Ok(Outcome::Done)
 }
@@ -448,7 +454,7 @@ pub(super) fn tare(args: TareArgs) -> anyhow::Result<Outcome> {
     }
     asked
         .ask(|session, interrupted| session.ask_within(command, &[], TARE_WAIT, 1, interrupted))?;
-    println!("{}: confirmed", command.title());
+    print_line(&format!("{}: confirmed", command.title()))?;
     Ok(Outcome::Done)
 }
 
@@ -461,14 +467,20 @@ pub(super) fn rate(args: RateArgs) -> anyhow::Result<Outcome> {
         return Ok(nothing_sent());
     }
     let mut asked = Asked::open(&args.unit)?;
-    let mut tick = asked.ask(Session::tick)?;
+    // Whatever the cells hold: this is what mends them.
+    let mut tick = asked.ask(Session::tick_factors)?;
     if let Some(wanted) = args.tick {
         let cells = eeprom::TICK_CELLS.into_iter().zip(wanted.0).zip(tick.0);
+        let mut written = Vec::new();
         for ((address, value), before) in cells {
             if value != before {
                 asked.write_cell(address, value)?;
-                println!("cell {address}: {before} -> {value}, read back");
+                written.push(format!("cell {address}: {before} -> {value}, read back"));
             }
+        }
+        // Told when all are written: a tick of which a part is new is no tick that anybody wants.
+        for line in written {
+            print_line(&line)?;
         }
         tick = wanted;
         eprintln!("{NAME}: the new tick may act only after the unit was switched off and on");
