@@ -544,7 +544,7 @@ fn a_refusal_ends_no_capture_that_has_scans() {
     let device = Scripted::new();
     let place = device.place.clone();
     let first = device.serve(3, After::Close, |_| Answer::Refuse);
-    let args = [&*place, "-n", "8", "-v", "-o", "out.csv"];
+    let args = [&*place, "-n", "8", "-o", "out.csv"];
     let capture = Capture::start(&dir, Stdio::null(), &args);
     first.join().unwrap();
     let busy = Scripted {
@@ -559,6 +559,7 @@ fn a_refusal_ends_no_capture_that_has_scans() {
     let third = Scripted::at(&place).serve(20, After::Answer, |_| Answer::Refuse);
     let stderr = capture.end().expect(3);
     assert!(stderr.contains(" 1 outages"), "{stderr}");
+    assert_eq!(stderr.matches("refused with sFA 3").count(), 1, "{stderr}");
     assert_eq!(column(&dir.join("out.csv"), "seq").len(), 8);
     third.join().unwrap();
     // One that refuses from the beginning is given up.

@@ -8,6 +8,7 @@ use crate::sick::angle_jitter::{AngleJitter, Learner};
 use crate::sick::cola::Framer;
 use crate::sick::replay::{Replay, Settings};
 use crate::stream::{Fault, Outcome, WholeFile};
+use crate::tool::recording::Times;
 use anyhow::Context;
 use std::fs::File;
 use std::io::Read;
@@ -24,6 +25,8 @@ pub(super) fn read(path: &Path) -> anyhow::Result<AngleJitter> {
 
 /// Learns a model from recordings, which may be the parts of one, and writes it.
 pub(super) fn learn(args: &Args, settings: Settings) -> anyhow::Result<Outcome> {
+    // Stamps do not matter here; what makes no sense of recordings does not either way.
+    Times::new(&args.replay, args.times.as_deref(), args.no_times)?;
     let output = WholeFile::open(args.common.output.as_deref())?;
     let mut learner = Learner::default();
     let mut replay = Replay::new(settings);

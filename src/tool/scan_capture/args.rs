@@ -171,9 +171,7 @@ impl std::str::FromStr for AngleJitterArg {
 /// What else there is to do.
 #[derive(Clone, Debug, clap::Subcommand)]
 pub enum Command {
-    /// Say what a scanner is, how it feels and how it is set
     Info(InfoArgs),
-    /// List the serial ports; say what a converter's clock makes of a speed
     List(ListArgs),
 }
 

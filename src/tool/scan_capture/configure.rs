@@ -160,7 +160,9 @@ fn on_off() -> impl TypedValueParser<Value = bool> {
 fn parse_fraction(text: &str) -> Result<f64, String> {
     let (above, below) = text.split_once('/').unwrap_or((text, "1"));
     match (positive(above), positive(below)) {
-        (Ok(above), Ok(below)) if (above / below).is_finite() => Ok(above / below),
+        (Ok(above), Ok(below)) if above / below > 0.0 && (above / below).is_finite() => {
+            Ok(above / below)
+        }
         _ => Err("a positive number is wanted, such as 0.5 or 1/3".to_owned()),
     }
 }

@@ -32,9 +32,9 @@ pub struct InfoArgs {
 /// List the serial ports; say what a converter's clock makes of a speed
 #[derive(Clone, Debug, clap::Args)]
 #[command(
-    long_about = "Lists the serial ports with their adapters' USB numbers and latency timers. With --baud and --crystal it \
-says instead which speed a converter's UART makes of a crystal (crystal / 32 over a whole divider; \
-Kurniawan 2017, eq. 2.1 and 2.2) and whether its error is within the 2 % that practice allows.",
+    long_about = "Lists the serial ports with their adapters' USB numbers and latency timers. With \
+--baud and --crystal it says instead which speed a converter's UART makes of a crystal (crystal / 32 \
+over a whole divider; Kurniawan 2017, eq. 2.1 and 2.2) and whether its error is within the 2 % that practice allows.",
     after_long_help = "EXAMPLES\n  The speed that a converter with a 16 MHz crystal really has\n    \
 scan-capture list --baud 500000 --crystal 16MHz"
 )]

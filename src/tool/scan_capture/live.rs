@@ -204,9 +204,9 @@ impl<S: Scanner> Capture<'_, S> {
                 Some(LineFault::Refused(reason)) if self.scans == 0 => {
                     return Err(Fault::Unavailable(reason).into());
                 }
-                Some(LineFault::Down(reason) | LineFault::Refused(reason)) => {
+                Some(fault @ (LineFault::Down(_) | LineFault::Refused(_))) => {
                     self.scanner.hang_up();
-                    self.down(&reason, began, &mut outage, &mut said)?;
+                    self.down(&fault, began, &mut outage, &mut said)?;
                 }
             }
             self.flush()?;
@@ -307,12 +307,15 @@ impl<S: Scanner> Capture<'_, S> {
     /// What is said and done when the line is found down.
     fn down(
         &mut self,
-        reason: &str,
+        fault: &LineFault,
         began: Instant,
         outage: &mut Option<Outage>,
         said: &mut String,
     ) -> anyhow::Result<()> {
         let place = &self.settings.device;
+        let (LineFault::Down(reason) | LineFault::Refused(reason)) = fault else {
+            return Ok(());
+        };
         if self.scans == 0 {
             let patient = self.settings.wait.is_some() || self.scanner.has_answered();
             let late = began.elapsed() >= self.settings.wait.unwrap_or(READY);
@@ -331,10 +334,14 @@ impl<S: Scanner> Capture<'_, S> {
             self.outages += 1;
             self.tell_losses(true);
             self.remark(&format!("{}; reconnecting", with_place(place, reason)));
+            reason.clone_into(said);
             *outage = Some(Outage {
                 since: self.newest.unwrap_or_else(Instant::now),
             });
-        } else if said != reason && self.options.verbose > 0 {
+        } else if said != reason
+            && (self.options.verbose > 0 || matches!(fault, LineFault::Refused(_)))
+        {
+            // A refusal may need somebody's help; that a line stays down is known.
             self.remark(&with_place(place, reason));
             reason.clone_into(said);
         }

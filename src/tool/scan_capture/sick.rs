@@ -106,9 +106,13 @@ impl Sick {
         or_ready: bool,
     ) -> Result<bool, LineFault> {
         loop {
-            let status = client.ask_if_known(&DeviceStatus::request(), DeviceStatus::parse);
-            let Some(status) = status.map_err(fault)? else {
-                return Ok(true); // a device that does not know the question, or answers otherwise
+            let status = match client.ask(&DeviceStatus::request(), DeviceStatus::parse) {
+                Ok(status) => status,
+                // It does not know the question, or answers it in a form of its own: its scans tell. But
+                // where it may have to be started, its state must be read.
+                Err(ClientError::Refused { .. }) => return Ok(true),
+                Err(ClientError::Answer { .. }) if !or_ready => return Ok(true),
+                Err(error) => return Err(fault(error)),
             };
             if self.uptime.is_none() {
                 self.uptime = status.uptime();
