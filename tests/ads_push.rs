@@ -716,18 +716,15 @@ fn desired() -> Plc {
 /// Lets the controller's motion go on until told to stop: its clock counts 100 ns since 1601, and is
 /// an hour off.
 fn moving(plc: &SharedPlc) -> (Arc<AtomicBool>, JoinHandle<()>) {
-    let stop = Arc::new(AtomicBool::new(false));
-    let (asked, plc) = (Arc::clone(&stop), plc.clone());
-    let thread = std::thread::spawn(move || {
-        let start = std::time::SystemTime::UNIX_EPOCH
-            .elapsed()
-            .unwrap()
-            .as_nanos();
-        while !asked.load(Ordering::Relaxed) {
-            let now = std::time::SystemTime::UNIX_EPOCH
-                .elapsed()
-                .unwrap()
-                .as_nanos();
+    let now = || {
+        let since = std::time::SystemTime::UNIX_EPOCH.elapsed();
+        since.unwrap().as_nanos()
+    };
+    let start = now();
+    let set = {
+        let plc = plc.clone();
+        move || {
+            let now = now();
             let ticks = now / 100 + 116_444_736_000_000_000 + 36_000_000_000;
             let y = (now - start) as f64 * 1e-9;
             let mut bytes = (ticks as u64).to_le_bytes().to_vec();
@@ -735,6 +732,15 @@ fn moving(plc: &SharedPlc) -> (Arc<AtomicBool>, JoinHandle<()>) {
                 bytes.extend_from_slice(&number.to_le_bytes());
             }
             plc.lock().set("GVL.stDesired", &bytes);
+        }
+    };
+    // Nobody is to see it before it moves.
+    set();
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    let thread = std::thread::spawn(move || {
+        while !asked.load(Ordering::Relaxed) {
+            set();
             std::thread::sleep(Duration::from_millis(2));
         }
     });

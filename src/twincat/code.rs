@@ -48,6 +48,11 @@ impl Code {
         [Code::NO_OFFSET, Code::NO_SYMBOL, Code::OLD_SYMBOL].contains(&self)
     }
 
+    /// Whether who should answer is not there: the runtime, or the machine behind the router.
+    pub fn is_absence(self) -> bool {
+        [Code::NO_PORT, Code::NO_MACHINE].contains(&self)
+    }
+
     /// Whether the controller does not do that kind of request at all.
     pub fn is_unsupported(self) -> bool {
         [Code::NO_SERVICE, Code::NO_GROUP, Code::DEVICE].contains(&self)

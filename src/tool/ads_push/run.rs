@@ -373,7 +373,7 @@ impl Run {
                 }
                 return self.renew(&format!("{code}"));
             }
-            if code == Code::NO_PORT || code == Code::NO_MACHINE {
+            if code.is_absence() {
                 let text = told(error, &self.wishes.link, self.client());
                 return self.set_back(Setback::Away(text));
             }
@@ -456,7 +456,11 @@ impl Run {
             Ok(Found::Nothing) => {}
             Ok(Found::NewProgram) => self.renew("the program in the controller has changed")?,
             Ok(Found::NewState(state)) => self.say(format!("the PLC is in {} now", state.name())),
-            Err(error) => self.see_to(&error, "The PLC's state is asked for again")?,
+            // Nothing but a controller that is away: one that does not tell its state may take poses.
+            Err(error) if error.is_fatal() || error.code().is_some_and(Code::is_absence) => {
+                self.see_to(&error, "The PLC's state is asked for again")?;
+            }
+            Err(_) => {}
         }
         let stale = self.wishes.stale;
         if self.session.is_some()

@@ -90,7 +90,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         let now = Instant::now();
         if now >= next {
             // Lines that an outage has cost are not made up for.
-            next = (next + args.every).max(now);
+            next += args.every;
+            if next <= now {
+                next = now + args.every;
+            }
             let log = Log::of(window.make_contiguous(), args.how.wire());
             args.how.fits(&log)?;
             if let Some(line) = line(&log, &settings, poller.counts.lost) {
