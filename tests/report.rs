@@ -327,6 +327,43 @@ fn what_stands_beside_poses_is_read_with_them() {
 }
 
 #[test]
+fn standstills_and_their_desired_poses_may_be_branches_of_one_pipeline() {
+    let dir = scratch("report-static-branches");
+    write_runs(&dir, 20_000, &[("joint", 1.0)]);
+    sh(&dir, "mkfifo desired.fifo").expect(0);
+    // Nothing stands there (3). The branch is longer than a pipe holds and is written before the poses are.
+    let line = "{ cat truth.csv > desired.fifo; cat joint.csv; } | \
+                timeout 60 report static --json --desired desired.fifo -";
+    let apart = sh(&dir, "report static --json --desired truth.csv joint.csv").expect(3);
+    let ended = sh(&dir, line).expect(3);
+    let of = |bytes: &[u8]| -> serde_json::Value { serde_json::from_slice(bytes).unwrap() };
+    let (ended, apart) = (of(&ended.stdout), of(&apart.stdout));
+    assert_eq!(ended["poses"], 20_000);
+    assert!(apart["intervals"].is_array());
+    assert_eq!(ended["intervals"], apart["intervals"]);
+}
+
+#[test]
+fn what_cannot_be_read_as_named_is_refused() {
+    let dir = two_runs("report-named");
+    for (line, says) in [
+        (
+            "report --truth - --truth - joint.csv < truth.csv",
+            "named twice",
+        ),
+        ("report convert - - < joint.csv", "named twice"),
+        (
+            "simulate -q -f frame.toml --n-scans 5 --imu imu.csv > scans.csv; \
+             report --imu imu.csv --lines no-such-file.csv",
+            "--lines belongs to poses",
+        ),
+    ] {
+        let ended = sh(&dir, line).expect(2);
+        assert!(ended.stderr.contains(says), "{line}: {}", ended.stderr);
+    }
+}
+
+#[test]
 fn a_folder_is_no_input() {
     let dir = two_runs("report-folder");
     for line in [

@@ -1,6 +1,6 @@
 //! `report convert`: files of records in other encodings, several in one, one in several.
 
-use super::outputs;
+use super::{inputs, outputs};
 use crate::report::origin;
 use crate::stream::{
     Bytes, Encoding, Fault, Kind, Lane, Loss, Options, Outcome, Output, lane_of, lanes, write_lanes,
@@ -75,6 +75,7 @@ pub(super) fn run(args: &ConvertArgs) -> anyhow::Result<Outcome> {
     } else {
         &args.files
     };
+    inputs::refuse_twice(given.iter().map(|text| Path::new(text.as_str())))?;
     let files: Vec<File> = given
         .iter()
         .map(|text| file(text, args.only, &options))

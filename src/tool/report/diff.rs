@@ -204,6 +204,10 @@ fn records(
         })?;
     }
     if left.is_mcap && right.is_mcap {
+        // What one of them has alone differs as a whole; rules for its columns are none for nothing.
+        for kind in left.kinds.iter().chain(&right.kinds) {
+            kind.call(Known(&mut comparison));
+        }
         other_topics(&mut comparison, paths, &there, options)?;
     }
     comparison.check_rules().map_err(fault)?;
@@ -287,6 +291,17 @@ fn other_topics(
 }
 
 /// Compares the records of one kind.
+/// Makes the columns of a kind of record known.
+struct Known<'a>(&'a mut Comparison);
+
+impl KindVisitor for Known<'_> {
+    type Out = ();
+
+    fn visit<R: StreamRecord>(self, kind: Kind) {
+        self.0.columns_of::<R>(kind.name());
+    }
+}
+
 struct Compare<'a> {
     paths: [&'a PathBuf; 2],
     options: &'a Options,

@@ -73,6 +73,7 @@ pub(super) fn read(
     let of_imu = beside.imu.as_ref().map(|(path, _)| *path);
     let all = of_runs.chain(of_others).chain(of_imu).chain(beside.lines);
     refuse_twice(all)?;
+    refuse_twice(wanted.paths.iter().map(PathBuf::as_path))?;
     let mut jobs: Vec<Job<'_, Done>> = Vec::new();
     // A pipe that holds a run and its reference is read once, for both.
     let mut halves: BTreeMap<&Path, StreamCopy> = BTreeMap::new();
@@ -223,8 +224,36 @@ pub(super) fn read_segments(
     Ok((read.pop().unwrap_or_default(), runs))
 }
 
+/// One run of poses, and the desired trajectory where there is one.
+pub(super) fn read_with_desired(
+    poses: &Path,
+    desired: Option<&Path>,
+    options: &Options,
+) -> anyhow::Result<(Vec<Pose>, Option<Vec<TrajectoryPoint>>)> {
+    enum Half {
+        Poses(Vec<Pose>),
+        Desired(Vec<TrajectoryPoint>),
+    }
+    refuse_twice([poses].into_iter().chain(desired))?;
+    let mut jobs: Vec<Job<'_, Half>> = Vec::new();
+    jobs.push(Job::new(poses, || {
+        read_all(Some(poses), options).map(Half::Poses)
+    }));
+    jobs.extend(
+        desired.map(|path| Job::new(path, move || read_desired(path, options).map(Half::Desired))),
+    );
+    let (mut found, mut points) = (Vec::new(), None);
+    for half in do_all(jobs)? {
+        match half {
+            Half::Poses(poses) => found = poses,
+            Half::Desired(desired) => points = Some(desired),
+        }
+    }
+    Ok((found, points))
+}
+
 /// The points of a desired trajectory.
-pub(super) fn read_desired(path: &Path, options: &Options) -> anyhow::Result<Vec<TrajectoryPoint>> {
+fn read_desired(path: &Path, options: &Options) -> anyhow::Result<Vec<TrajectoryPoint>> {
     let mut input = Input::open_trajectory(Some(path), Role::Desired, options)?;
     let mut points = Vec::new();
     while let Some(point) = input.next()? {

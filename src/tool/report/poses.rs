@@ -147,6 +147,10 @@ fn make(args: &PoseArgs, options: &Options) -> anyhow::Result<Report> {
     let beside = args.evaluation.beside()?;
     let alone = args.poses.is_empty() && args.truth.is_empty() && args.desired.is_empty();
     if let Some((path, axes)) = beside.imu.as_ref().filter(|_| alone) {
+        if beside.lines.is_some() {
+            let text = "--lines belongs to poses: name them, or leave it out";
+            return Err(Fault::Usage(text.into()).into());
+        }
         let record = ImuRecord::read(path, axes, options)?;
         return imu_alone(args, record.rest.noise(&[]));
     }

@@ -2,11 +2,10 @@
 
 use super::{inputs, outputs};
 use crate::frame::edit;
-use crate::record::Pose;
 use crate::report::origin;
 use crate::report::robot::Findings;
 use crate::robot::{CalibrationError, Robot, Standing, Unknown, calibrate, places};
-use crate::stream::{Fault, Outcome, WholeFile, read_all};
+use crate::stream::{Fault, Outcome, WholeFile};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
@@ -114,16 +113,13 @@ impl RobotArgs {
 pub(super) fn run(args: &RobotArgs) -> anyhow::Result<Outcome> {
     let options = args.common.options("report")?;
     let path = args.poses.as_deref().unwrap_or(Path::new("-"));
-    inputs::refuse_twice([path, args.desired.as_path()].into_iter())?;
     let (belief, text) = Robot::read_with_text(&args.robot)?;
     let corrected = args.corrected.as_deref();
     let corrected = corrected.map(|path| WholeFile::open(Some(path)));
     let corrected = corrected.transpose()?;
     let output = WholeFile::open(args.common.output.as_deref())?;
-    // Poses first: with stdin, the rest of the pipeline may still be writing the desired trajectory.
-    let poses: Vec<Pose> = read_all(Some(path), &options)?;
-    let desired = inputs::read_desired(&args.desired, &options)?;
-    let places = places(&desired, &poses, &args.standing());
+    let (poses, desired) = inputs::read_with_desired(path, Some(&args.desired), &options)?;
+    let places = places(&desired.unwrap_or_default(), &poses, &args.standing());
     let calibrated = calibrate(&belief, &places, &args.find).map_err(|error| match error {
         CalibrationError::Group(_) => Fault::Usage(format!("--find: {error}")),
         _ => Fault::BadData(error.to_string()),

@@ -1,10 +1,9 @@
 //! `report static`: where a run stands still, and the mean pose of each standstill.
 
 use super::{inputs, outputs};
-use crate::record::Pose;
 use crate::report::standing::{self, Criteria, Desired, csv, find, json, table};
 use crate::report::{Gate, GateError, Limits, Reference, origin};
-use crate::stream::{Fault, Outcome, WholeFile, read_all};
+use crate::stream::{Fault, Outcome, WholeFile};
 use crate::tool::arguments::CommonArgs;
 use crate::tool::values::{not_negative, parse_duration};
 use std::path::{Path, PathBuf};
@@ -111,20 +110,11 @@ pub(super) fn run(args: &StandingArgs) -> anyhow::Result<Outcome> {
         return Err(Fault::Usage("--least must be above 0".into()).into());
     }
     let path = args.poses.as_deref().unwrap_or(Path::new("-"));
-    inputs::refuse_twice([path].into_iter().chain(args.desired.as_deref()))?;
     let output = WholeFile::open(args.common.output.as_deref())?;
-    let poses: Vec<Pose> = read_all(Some(path), &options)?;
-    let desired = match (&args.home, &args.desired) {
-        (Some(Home(pose)), _) => Some(Desired::Home(*pose)),
-        (None, Some(desired)) => {
-            let points = inputs::read_desired(desired, &options)?;
-            Some(Desired::Trajectory(Reference::new(
-                points,
-                Limits::default(),
-            )))
-        }
-        (None, None) => None,
-    };
+    let (poses, points) = inputs::read_with_desired(path, args.desired.as_deref(), &options)?;
+    let along = |points| Desired::Trajectory(Reference::new(points, Limits::default()));
+    let home = args.home.as_ref().map(|Home(pose)| Desired::Home(*pose));
+    let desired = home.or(points.map(along));
     let criteria = Criteria {
         least_s: args.least.as_secs_f64(),
         still_m_s: args.still_mm_s * 1e-3,
