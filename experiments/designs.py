@@ -19,20 +19,22 @@ from pathlib import Path
 from dilution import bounds
 
 # name, gamma (deg), width, spacing, depth (m), x range (m), check by scans,
-# x rms by ranges that a prototype's exact posterior had (mm), or none
+# x rms that a prototype had (mm), or none: its exact posterior by ranges, its estimator by remissions
 DESIGNS = [
-    ("cablar.toml: 30 deg", 30, 0.8, 2.6, 1.5, 0.05, True, 3.78),
-    ("15 deg", 15, 0.5, 2.8, 1.5, 0.05, False, 8.15),
-    ("20 deg", 20, 0.6, 2.7, 1.5, 0.05, False, 5.91),
-    ("30 deg, narrow", 30, 0.4, 2.7, 1.5, 0.05, False, 3.77),
-    ("40 deg", 40, 0.8, 2.5, 1.5, 0.05, False, 2.59),
-    ("45 deg", 45, 0.6, 2.4, 1.5, 0.05, True, 2.19),
-    ("50 deg", 50, 0.5, 2.5, 1.5, 0.05, True, None),
-    ("50 deg, narrow", 50, 0.4, 2.6, 1.5, 0.05, False, 1.84),
-    ("60 deg, half depth", 60, 0.5, 2.5, 0.9, 0.05, True, None),
+    ("cablar.toml: 30 deg", 30, 0.8, 2.6, 1.5, 0.05, True, 3.78, 1.02),
+    ("15 deg", 15, 0.5, 2.8, 1.5, 0.05, False, 8.15, None),
+    ("20 deg", 20, 0.6, 2.7, 1.5, 0.05, False, 5.91, None),
+    ("30 deg, narrow", 30, 0.4, 2.7, 1.5, 0.05, False, 3.77, None),
+    ("40 deg", 40, 0.8, 2.5, 1.5, 0.05, False, 2.59, None),
+    ("45 deg", 45, 0.6, 2.4, 1.5, 0.05, True, 2.19, None),
+    ("50 deg", 50, 0.5, 2.5, 1.5, 0.05, True, None, None),
+    ("50 deg, narrow", 50, 0.4, 2.6, 1.5, 0.05, False, 1.84, None),
+    ("60 deg, half depth", 60, 0.5, 2.5, 0.9, 0.05, True, None, None),
 ]
 # Predicted rms over the prototype's, which knew the lines exactly: their noise costs up to 7 %.
-OVER_PROTOTYPE = [0.98, 1.10]
+# By remissions it was an estimator that corrected the law of ranges but not that of incidence: no bound
+# is above it, and simulated scans, whose estimator corrects both, are solved to 0.86 of it.
+OVER_PROTOTYPE = {"reference,-remission": [0.98, 1.10], "reference": [0.80, 1.0]}
 # Scans over the bound. 2000 of them tell an rms to 2 %, and so do the map's places that over its area.
 SCANS_OVER_BOUND = [0.94, 1.15]
 
@@ -93,10 +95,11 @@ def main():
         frame = out / (re.sub(r"[^0-9a-z]+", "-", name) + ".toml")
         frame.write_text(frame_text(base, design))
         line = f"{name:<22}{width:>5}{spacing:>8} |"
-        for effects, known in [("reference,-remission", design[7]), ("reference", None)]:
+        for effects, known in [("reference,-remission", design[7]), ("reference", design[8])]:
             rms, worst = predicted(frame, design, effects)
             line += f"{rms:>{12 if '-' in effects else 15}.2f}{worst:>7.2f}"
-            if known and not OVER_PROTOTYPE[0] <= rms / known <= OVER_PROTOTYPE[1]:
+            low, high = OVER_PROTOTYPE[effects]
+            if known and not low <= rms / known <= high:
                 missed.append(f"{name}, {effects}: {rms:.2f} mm predicted, {known} by the prototype")
             if design[6]:
                 scans_rms, scans_max = reached(frame, design, effects, out)

@@ -12,4 +12,6 @@ def bounds(frame, effects, *options):
     if told.returncode:
         raise SystemExit(f"{shlex.join(command)}\n{told.stderr}")
     found = re.findall(r"(\w+) +rms +([0-9.]+) (?:mm|deg), worst place +([0-9.]+)", told.stderr)
+    if len(found) < 6:
+        raise SystemExit(f"{shlex.join(command)}\nno scan tells the pose there:\n{told.stderr}")
     return {name: (float(rms), float(worst)) for name, rms, worst in found}

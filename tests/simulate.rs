@@ -307,6 +307,9 @@ fn impossible_command_lines_are_refused() {
         &["--trajectory", "random", "--tilt-deg", "nan"],
         &["--wobble-deg", "1,0,0", "--wobble-hz", "nan"],
         &["--dilution", "--step-m", "0.0001"],
+        &["--dilution", "--step-m", "1e-300"],
+        &["--dilution", "--y-range=-1e300,1e300"],
+        &["--dilution", "--dilution-html", "-"],
         &["--dilution", "--tilt-deg", "nan"],
         &["--speed-m-s", "2000"],
     ] {

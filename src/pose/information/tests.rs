@@ -70,9 +70,10 @@ fn ranges_meet_the_exact_posterior_of_the_prototype() {
     assert!(noisy[0] > low[0] && noisy[0] < 4.2, "{noisy:?}");
 }
 
-/// The prototype with 4 % noise: x 0.94 to 1.0 mm, yaw 0.025 deg; twice the noise is twice that.
+/// A prototype's estimator, which left the law of incidence in, had x 0.94 to 1.0 mm and yaw 0.025 deg
+/// with 4 % noise; ours has 0.89 mm in simulated scans. Twice the noise is twice the error.
 #[test]
-fn remission_meets_the_prototype_and_scales_with_its_noise() {
+fn remission_is_below_what_estimators_reach_and_scales_with_its_noise() {
     let frame = staged::frame(&[]);
     let with = |noise: f64| Assumptions {
         edges: EdgeModel::Remission(Remissions {
@@ -84,7 +85,7 @@ fn remission_meets_the_prototype_and_scales_with_its_noise() {
     };
     let at = |noise: f64| over_workspace(&frame, [0.5, 3.5], &with(noise), 600);
     let (once, twice) = (at(0.04), at(0.08));
-    assert!(once[0] > 0.80 && once[0] < 1.02, "{once:?}");
+    assert!(once[0] > 0.82 && once[0] < 0.90, "{once:?}");
     assert!(once[4] > 0.020 && once[4] < 0.028, "{once:?}");
     assert!(
         twice[0] > 1.7 * once[0] && twice[0] < 2.05 * once[0],

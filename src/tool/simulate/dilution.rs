@@ -12,6 +12,8 @@ use crate::simulate::scanner::{self, Scanner};
 use crate::simulate::{Effect, Parameters};
 use crate::stream::{Fault, Outcome, Stop, WholeFile};
 use crate::tool::values::not_negative;
+use std::io::Write;
+use std::path::Path;
 
 /// The command line's part.
 #[derive(Debug, clap::Args)]
@@ -49,7 +51,7 @@ impl Place {
 }
 
 /// The most places of a map.
-const MOST_PLACES: usize = 1_000_000;
+const MOST_PLACES: f64 = 1e6;
 
 /// Runs the tool with `--dilution`.
 pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
@@ -59,17 +61,43 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
     let fan = fan(args, &mut frame)?;
     let positions = positions(&args.course)?;
     let stop = Stop::install()?;
-    let out = WholeFile::open(options.output.as_deref())?;
+    let file = options
+        .output
+        .as_deref()
+        .filter(|path| *path != Path::new("-"));
     let html = args.dilution.dilution_html.as_deref();
+    if file.is_none() && html == Some(Path::new("-")) {
+        let text = "--dilution-html -: the rows go to stdout too; give them a file with -o";
+        return Err(Fault::Usage(text.into()).into());
+    }
+    let file = file.map(|path| WholeFile::open(Some(path))).transpose()?;
     let html = html.map(|path| WholeFile::open(Some(path))).transpose()?;
     let mut map = Map::new(&positions, args.course.step_m);
+    let (all, mut done) = (positions.len() as u64, 0);
     for at in positions {
+        if file.is_none() {
+            // Whoever reads them has each row as soon as it is known.
+            let mut stdout = std::io::stdout().lock();
+            stdout.write_all(&map.text)?;
+            stdout.flush()?;
+            map.text.clear();
+        }
         if stop.requested() {
             break;
         }
         map.add(at, &place(args, &frame, &fan, at, &assumed));
+        done += 1;
     }
-    out.finish(&map.text)?;
+    if done < all {
+        // A part of a map has neither its file nor its mean.
+        eprintln!("simulate: interrupted after {done} of {all} places");
+        stop.check(if file.is_some() { 0 } else { done })?;
+        return Ok(Outcome::Done);
+    }
+    match file {
+        Some(file) => file.finish(&map.text)?,
+        None => std::io::stdout().write_all(&map.text)?,
+    }
     if !options.quiet {
         eprint!("{}", summary(&map, &assumed));
     }
@@ -78,7 +106,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Outcome> {
         let page = dilution::page(&title, &conditions(&assumed), cells);
         html.finish(&page)?;
     }
-    stop.check(u64::from(map.tried))?;
     Ok(Outcome::Done)
 }
 
@@ -100,13 +127,15 @@ fn fan(args: &Args, frame: &mut Frame) -> anyhow::Result<Fan> {
 fn positions(course: &CourseArgs) -> anyhow::Result<Vec<[f64; 2]>> {
     let step_m = course.step_m;
     // Both ends are included where they fit.
-    let count = |[from, to]: [f64; 2]| ((to - from) / step_m + 1e-9).floor() as usize + 1;
+    let count = |[from, to]: [f64; 2]| ((to - from) / step_m + 1e-9).floor() + 1.0;
     let (columns, rows) = (count(course.y_range), count(course.z_range));
-    let places = columns.saturating_mul(rows);
-    if places > MOST_PLACES {
-        let text = format!("--step-m {step_m}: {places} places are more than {MOST_PLACES}");
+    if !(columns * rows <= MOST_PLACES) {
+        let text = format!(
+            "--step-m {step_m}: {columns:e} by {rows:e} places are more than {MOST_PLACES}"
+        );
         return Err(Fault::Usage(text).into());
     }
+    let (columns, rows) = (columns as usize, rows as usize);
     let along = |[from, _]: [f64; 2], k: usize| from + k as f64 * step_m;
     let row =
         |z: usize| (0..columns).map(move |y| [along(course.y_range, y), along(course.z_range, z)]);
@@ -267,13 +296,15 @@ fn summary(map: &Map, assumed: &Assumptions) -> String {
         map.told,
         map.tried
     );
-    for (k, axis) in AXES.iter().take(6).enumerate() {
+    let axes = if map.told == 0 { 0 } else { 6 };
+    for (k, axis) in AXES.iter().take(axes).enumerate() {
         text += &format!(
-            "simulate: {:<5} rms {:>9.4} {}, worst place {:>9.4}\n",
+            "simulate: {:<5} rms {:>9.digits$} {}, worst place {:>9.digits$}\n",
             axis.name,
             map.rms(k) * axis.factor,
             axis.unit,
-            map.worst[k] * axis.factor
+            map.worst[k] * axis.factor,
+            digits = if axis.unit == "mm" { 4 } else { 6 },
         );
     }
     text
